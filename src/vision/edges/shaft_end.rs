@@ -232,7 +232,8 @@ impl<'a> EndFinder<'a> {
         let is_tube = |row: &&ShaftRow| {
             (0..2).all(|side| {
                 let (border, Some(codes)) = (&place.borders[side], row.borders[side]) else { return false };
-                let is_shaft = next[side].is_none_or(|next| distance(codes[0], border.shaft.mean) < distance(codes[0], next));
+                let is_shaft =
+                    next[side].is_none_or(|next| distance(codes[0], border.shaft.mean) < distance(codes[0], next));
                 is_shaft && border.shaft.is_edge(&codes)
             })
         };

@@ -118,10 +118,17 @@ impl Background {
         near(y, rows).flat_map(move |row| near(x, columns).map(move |column| row * columns + column))
     }
 
-    /// Is the box likelier than anything else to show these mean codes of a patch about a pixel, as large as a cell?
-    /// `any` is their log density anywhere. The patch may lie in nine cells.
-    pub fn may_show(&self, [x, y]: [usize; 2], codes: [f32; 3], any: f32) -> bool {
-        self.cells_near(x, y).any(|cell| self.log_density_of_box(cell, codes) > any)
+    /// May the box, lit or in shade, show these mean codes of a patch about a pixel, as large as a cell? The patch may
+    /// lie in nine cells.
+    pub fn may_show(&self, [x, y]: [usize; 2], codes: [f32; 3]) -> bool {
+        /// Least log density below that of the box's own codes, nats: 3.6 standard deviations of noise.
+        const MAX_BELOW: f32 = 5.0;
+        let densities = |codes, usual| [self.same_log_density(codes, usual), shade_log_density(codes, usual)];
+        self.cells_near(x, y).any(|cell| {
+            let usual = self.usual[cell];
+            let most = densities(usual, usual);
+            densities(codes, usual).iter().zip(most).any(|(density, most)| most - density < MAX_BELOW)
+        })
     }
 
     /// Does the cell look like the shaft without any tool?

@@ -5,9 +5,10 @@ use std::cell::OnceCell;
 
 use nalgebra::{Point2, Vector3};
 
+use super::borders::StripRows;
 use super::grid::{GridMap, UndistortedGrid};
 use super::search::{SearchLimits, search, width_limits};
-use super::{Strip, borders, end_step, meeting_point, outline};
+use super::{Strip, end_step, meeting_point, outline};
 use crate::vision::camera::Camera;
 use crate::vision::frame::Frame;
 use crate::vision::segmentation::background::Background;
@@ -179,7 +180,7 @@ impl<'a> FrameStrips<'a> {
 
     /// Does the frame show the box without tools about a pixel? `None` outside the picture.
     pub fn shows_box(&self, at: Pixel) -> Option<bool> {
-        let ShaftAppearance { any, background, .. } = &self.finder.appearance;
+        let background = &self.finder.appearance.background;
         let half = 0.5 * background.cell_px() as f64;
         let [left, top, right, bottom] = [at.u() - half, at.v() - half, at.u() + half, at.v() + half];
         if left < 0.0 || top < 0.0 || right >= self.frame.width() as f64 || bottom >= self.frame.height() as f64 {
@@ -191,13 +192,12 @@ impl<'a> FrameStrips<'a> {
             let codes = self.frame.yuv_at(x, y).map(f32::from);
             (count + 1.0, std::array::from_fn(|part| sum[part] + codes[part]))
         });
-        let codes = sum.map(|sum| sum / count);
-        Some(background.may_show([at.u() as usize, at.v() as usize], codes, any.log_density(codes)))
+        Some(background.may_show([at.u() as usize, at.v() as usize], sum.map(|sum| sum / count)))
     }
 
-    /// The strip with each likely pair of borders, the likeliest first.
-    pub fn with_likely_borders(&self, camera: &Camera, strip: &Strip) -> Vec<borders::LikelyStrip> {
-        borders::with_likely_borders(self.frame, camera, &self.finder.appearance, strip)
+    /// Rows across a strip.
+    pub fn rows_across<'b>(&'b self, camera: &Camera, strip: &'b Strip) -> StripRows<'b> {
+        StripRows::read(self.frame, camera, &self.finder.appearance, strip)
     }
 
     /// The strips that may be a tool, the best first.

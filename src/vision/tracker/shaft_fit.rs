@@ -9,9 +9,9 @@ use super::refine::PassFit;
 use super::trace::FitRecorder;
 use crate::vision::camera::Camera;
 use crate::vision::edges::outline_probes::OutlinePoint;
+use crate::vision::edges::shaft_colour_end;
 use crate::vision::edges::shaft_end::{self, ShaftEnd};
 use crate::vision::edges::shaft_rows::{self, ShaftRow};
-use crate::vision::edges::shaft_colour_end;
 use crate::vision::pose::joint_fit::{END_OFFSET_PX, MeasuredEdge};
 use crate::vision::reason::MissReason;
 use crate::vision::space::{CameraPoint, Pixel};
@@ -55,7 +55,8 @@ impl BandFit<'_> {
             Err(MissReason::TipHidden) => self.fit_end(start, length_mm, recorder),
             Err(reason) => Err(reason.into()),
         };
-        let fit = fit.and_then(|fit| if self.shows_borders(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })?;
+        let fit =
+            fit.and_then(|fit| if self.shows_borders(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })?;
         let tube = fit.estimate.tube;
         if self.is_end_covered(&tube) {
             return Err(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) });
@@ -109,7 +110,8 @@ impl BandFit<'_> {
     fn is_rim_of_tube(&self, tube: &Tube) -> bool {
         let Some(rows) = self.rows_across(tube) else { return false };
         let collar_mm = self.spec.collar_mm();
-        let is_colours = |back_mm: f64| self.is_near(back_mm) || (collar_mm > 0.0 && !self.is_near(back_mm - collar_mm));
+        let is_colours =
+            |back_mm: f64| self.is_near(back_mm) || (collar_mm > 0.0 && !self.is_near(back_mm - collar_mm));
         self.locate_end(&rows).is_none_or(|end| self.is_near(end.back_mm))
             && self.locate_colour_end(&rows).is_none_or(is_colours)
     }
@@ -137,7 +139,10 @@ impl BandFit<'_> {
         tube.tip -= tube.axis * back_mm;
         let fit = self.fit_passes(&tube, length_mm, FINE_PASSES, recorder).ok()?;
         // The colour may be that of a black collar, too.
-        let is_known = || self.spec.collar_mm() == 0.0 || self.locate_end(&self.rows_across(&fit.estimate.tube).unwrap_or_default()).is_some();
+        let is_known = || {
+            self.spec.collar_mm() == 0.0
+                || self.locate_end(&self.rows_across(&fit.estimate.tube).unwrap_or_default()).is_some()
+        };
         (self.shows_rim(&fit) && self.is_rim_of_tube(&fit.estimate.tube) && is_known()).then_some(fit)
     }
 

@@ -14,6 +14,7 @@ use crate::vision::pose::tangent_planes;
 use crate::vision::reason::MissReason;
 use crate::vision::space::CameraPoint;
 use crate::vision::strip::Strip;
+use crate::vision::strip::borders::LikelyStrip;
 use crate::vision::strip::finder::FrameStrips;
 use crate::vision::tube::{BorderSide, Tube};
 
@@ -107,21 +108,18 @@ impl ToolTracker {
 
 impl BandFit<'_> {
     /// Measures the shaft of a strip: the first of its likely pairs of borders that is a tube's. Whether its end shows
-    /// does not choose among them.
+    /// does not choose among them. Smeared borders are sought where no sharp ones are a tube's.
     fn measure_strip(
         &self,
         strips: &FrameStrips<'_>,
         strip: &Strip,
         recorder: &mut FitRecorder,
     ) -> Result<Measurement, MissReason> {
+        let rows = strips.rows_across(self.camera(), strip);
+        let smeared = std::iter::once_with(|| rows.with_smeared_borders()).flatten();
         let mut reason = MissReason::BordersNotFound;
-        let px = |p: &Point2<f64>| { let q = self.camera().pixel_of(crate::vision::space::Normalised(*p)); format!("({:.0},{:.0})", q.u(), q.v()) };
-        let dbg = std::env::var("DBG").is_ok();
-        if dbg { println!("   strip entry {} end {} width {:.0} score {:.0} share {:.2}", px(&strip.entry.0), px(&strip.end.0), strip.width * self.camera().fx, strip.score, strip.supported_share); }
-        for borders in strips.with_likely_borders(self.camera(), strip) {
-            let r = self.measure_between_likely(&borders, recorder);
-            if dbg { let b = &borders.strip.borders; println!("     borders {} {} | {} {} width {:.1} -> {:?}", px(&b[0][0]), px(&b[0][1]), px(&b[1][0]), px(&b[1][1]), borders.strip.width * self.camera().fx, r.as_ref().map(|_| ()).map_err(|e| *e)); }
-            match r {
+        for likely in rows.with_sharp_borders().into_iter().chain(smeared) {
+            match self.smeared_by(&likely).measure_between_borders(&likely.strip, recorder) {
                 Err(other) if other != MissReason::TipHidden => reason = reason.max(other),
                 decided => return decided,
             }
@@ -129,14 +127,18 @@ impl BandFit<'_> {
         Err(reason)
     }
 
-    fn measure_between_likely(&self, likely: &crate::vision::strip::borders::LikelyStrip, recorder: &mut FitRecorder) -> Result<Measurement, MissReason> {
-        if likely.smear == 0.0 { return self.measure_between_borders(&likely.strip, recorder); }
-        let along = (likely.strip.end.0 - likely.strip.entry.0).normalize();
-        let across = Vector2::new(-along.y, along.x) * (likely.smear * self.camera().fx / self.edges.exposure_s);
-        let motion = self.motion_px_s;
-        let along = along * motion.dot(&along);
-        if std::env::var("DBG").is_ok() { println!("      smear {:.1} px, predicted {:.1} px", likely.smear * self.camera().fx, (motion - along).norm() * self.edges.exposure_s); }
-        BandFit { motion_px_s: along + across, length: self.length, fulcrum: self.fulcrum.clone(), ..*self }.measure_between_borders(&likely.strip, recorder)
+    /// The same fit for a tool whose motion has smeared the borders of its strip. The motion across the strip is that of
+    /// the smear; in which of both directions does not matter.
+    fn smeared_by(&self, likely: &LikelyStrip) -> BandFit<'_> {
+        let along = likely.strip.end.0 - likely.strip.entry.0;
+        let across = Vector2::new(-along.y, along.x).try_normalize(1e-9).unwrap_or_default();
+        let motion_px_s = if likely.smear > 0.0 {
+            let moved_px = likely.smear * self.camera().fx;
+            self.motion_px_s + across * (moved_px / self.edges.exposure_s - self.motion_px_s.dot(&across))
+        } else {
+            self.motion_px_s
+        };
+        BandFit { motion_px_s, fulcrum: self.fulcrum.clone(), ..*self }
     }
 
     /// Measures the shaft between the borders of a strip.
@@ -145,7 +147,17 @@ impl BandFit<'_> {
         for start in self.starts_of_strip(borders) {
             let fit = self.fit_shaft(&start, MEASURED_SHAFT_MM, STRIP_PASSES, recorder);
             let tube = fit.as_ref().map_or_else(|miss| miss.tube, |fit| Some(fit.estimate.tube));
-            if std::env::var("DBG").is_ok() { println!("        start tip {:?} axis {:?}: {:?} {}", start.tip, start.axis, fit.as_ref().map(|f| (f.estimate.tube.tip, f.estimate.residual_px)).map_err(|m| (m.reason, m.tube.map(|t| t.tip))), tube.is_some_and(|tube| !self.is_as_wide(&tube, borders))); }
+            if std::env::var("DBG").is_ok() {
+                println!(
+                    "        start tip {:?} axis {:?}: {:?} {}",
+                    start.tip,
+                    start.axis,
+                    fit.as_ref()
+                        .map(|f| (f.estimate.tube.tip, f.estimate.residual_px))
+                        .map_err(|m| (m.reason, m.tube.map(|t| t.tip))),
+                    tube.is_some_and(|tube| !self.is_as_wide(&tube, borders))
+                );
+            }
             let found = match tube.is_some_and(|tube| !self.is_as_wide(&tube, borders)) {
                 true => Err(MissReason::PoorFit),
                 false => fit.map_err(|miss| miss.reason).and_then(|fit| self.measurement_of(fit, MEASURED_SHAFT_MM)),
