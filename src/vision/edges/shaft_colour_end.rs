@@ -132,3 +132,72 @@ fn median_distance(one: &[Codes; 3], other: &[Codes; 3]) -> f64 {
     distances.sort_by(f64::total_cmp);
     distances[1]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DIAMETER_MM: f64 = 5.0;
+    const STEP_MM: f64 = 0.4;
+    /// Codes of the shaft, of steel and of the board.
+    const BLACK: f64 = 60.0;
+    const STEEL: f64 = 130.0;
+    const BOARD: f64 = 180.0;
+
+    /// Rows of a tool; `luma` is that of the two limbs and of the three stripes at a distance ahead of the tube's end, mm.
+    fn rows(luma: impl Fn(f64) -> ([f64; 2], [f64; 3])) -> Vec<ShaftRow> {
+        let grey = |luma: f64| [luma, 128.0, 128.0];
+        let row = |i: i32| {
+            let back_mm = 70.0 - STEP_MM * f64::from(i);
+            let (limbs, stripes) = luma(-back_mm);
+            ShaftRow {
+                back_mm,
+                borders: limbs.map(|limb| Some([grey(limb), grey(BOARD)])),
+                inside: stripes.map(|stripe| Some(grey(stripe))),
+            }
+        };
+        (0..262).map(row).collect()
+    }
+
+    /// One luma all across.
+    fn even(luma: f64) -> ([f64; 2], [f64; 3]) {
+        ([luma; 2], [luma; 3])
+    }
+
+    fn is_at(found: Option<f64>, back_mm: f64) -> bool {
+        found.is_some_and(|found| (found - back_mm).abs() <= STEP_MM)
+    }
+
+    #[test]
+    fn a_tube_ends_at_its_steel_collar_whose_limb_may_be_as_dark() {
+        let luma = |ahead: f64| match ahead {
+            ..0.0 => even(BLACK),
+            0.0..8.0 => ([BLACK + 5.0, STEEL], [STEEL - 30.0, 235.0, STEEL]),
+            _ => even(BOARD),
+        };
+        let found = locate(&rows(luma), DIAMETER_MM);
+        assert!(is_at(found, 0.0), "{found:?}");
+    }
+
+    #[test]
+    fn gloss_that_changes_slowly_ends_nothing() {
+        let luma = |ahead: f64| even(BLACK + 1.2 * (ahead + 70.0));
+        assert_eq!(locate(&rows(luma), DIAMETER_MM), None);
+    }
+
+    #[test]
+    fn a_shaft_does_not_end_where_a_thing_lies_across_it() {
+        let luma = |ahead: f64| if (-20.0..-12.0).contains(&ahead) { even(STEEL) } else { even(BLACK) };
+        assert_eq!(locate(&rows(luma), DIAMETER_MM), None);
+    }
+
+    #[test]
+    fn black_jaws_that_hold_a_ring_are_no_shaft() {
+        let luma = |ahead: f64| match ahead {
+            ..0.0 => even(BLACK),
+            0.0..17.0 => ([BOARD - 3.0; 2], [BLACK; 3]),
+            _ => even(STEEL),
+        };
+        assert_eq!(locate(&rows(luma), DIAMETER_MM), None);
+    }
+}

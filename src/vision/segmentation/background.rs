@@ -238,6 +238,16 @@ mod tests {
     }
 
     #[test]
+    fn a_mat_is_known_in_shade_and_nothing_else_is_taken_for_it() {
+        let background = background(3);
+        let shows = |codes| background.may_show([0, 0], codes);
+        let [y, u, v] = MAT.map(f32::from);
+        let in_shade = [0.6 * y, 128.0 + 0.6 * (u - 128.0), 128.0 + 0.6 * (v - 128.0)];
+        assert!(shows([y, u, v]) && shows(in_shade));
+        assert!(!shows([y + 40.0, u, v]) && !shows([y, u - 60.0, v + 40.0]), "brighter, or of another colour");
+    }
+
+    #[test]
     fn an_empty_picture_of_half_the_light_gives_the_same_background() {
         let frames = frames(0);
         let [y, u, v] = MAT;

@@ -30,14 +30,20 @@ const MIN_WIDTH: f64 = 0.7;
 const MAX_TILT: f64 = 0.9;
 /// Most places in a half width: on a wider strip, places are more than a pixel apart.
 const MAX_PLACES: f64 = 32.0;
-/// Places on each side of a border that are compared, as a share of the half width, and their least and most number.
-/// Few enough that a soft shadow is no step, and enough for a strip out of focus.
-const COMPARED: (f64, f64, f64) = (0.1, 2.0, 4.0);
-/// The same for borders that motion has smeared, by up to 0.7 half widths: a tip that moves at 150 mm/s while the camera
-/// exposes for 12 ms moves by that much of a 5 mm tool.
-const COMPARED_SMEARED: (f64, f64, f64) = (0.35, 4.0, 12.0);
-/// Limits of the contrast of one row, as a multiple of the least: no row may outvote the others.
-const ROW_CONTRAST: (f32, f32) = (-1.0, 8.0);
+/// What makes a step.
+#[derive(Clone, Copy)]
+struct StepShape {
+    /// Places on each side that are compared, as a share of the half width, and their least and most number.
+    compared: (f64, f64, f64),
+    /// Limits of the contrast of one row, as a multiple of the least: no row may outvote the others.
+    row_contrast: (f32, f32),
+}
+
+/// A sharp step. So few places are compared that a soft shadow is no step, and enough for a strip out of focus.
+const SHARP: StepShape = StepShape { compared: (0.1, 2.0, 4.0), row_contrast: (-1.0, 8.0) };
+/// A step that motion has smeared over up to 0.7 half widths: a tip that moves at 150 mm/s while the camera exposes for
+/// 12 ms moves by that much of a 5 mm tool. Its middle is where the contrast is greatest, so that is not limited.
+const SMEARED: StepShape = StepShape { compared: (0.35, 4.0, 12.0), row_contrast: (-1.0, 20.0) };
 /// Least share of rows with a step. Where six of ten have none, a shaft cannot be measured before its background.
 const MIN_SUPPORT: f64 = 0.4;
 /// Pairs of borders that are tried.
@@ -101,13 +107,14 @@ impl<'a> StripRows<'a> {
 
     /// The strip with each likely pair of sharp borders, the one of most contrast first.
     pub fn with_sharp_borders(&self) -> Vec<LikelyStrip> {
-        let steps = RowSteps::of(self, COMPARED);
+        let steps = RowSteps::of(self, SHARP);
         steps.pairs().iter().map(|pair| LikelyStrip { strip: self.with_borders(pair), smear: 0.0 }).collect()
     }
 
     /// The strip with each likely pair of borders that motion has smeared, the one of most contrast first.
     pub fn with_smeared_borders(&self) -> Vec<LikelyStrip> {
-        let [sharp, smeared] = [COMPARED, COMPARED_SMEARED].map(|compared| RowSteps::of(self, compared));
+        let [sharp, smeared] = [SHARP, SMEARED].map(|shape| RowSteps::of(self, shape));
+        let sharp = RowSteps { row_contrast: smeared.row_contrast, ..sharp };
         let likely = |pair: &[PossibleBorder; 2]| {
             let of_side = |side: f64, border: &PossibleBorder| {
                 let shown = sharp.mean_contrast(side, border.at).unwrap_or(0.0) / border.contrast;
@@ -166,14 +173,15 @@ struct RowSteps<'a> {
     rows: &'a StripRows<'a>,
     /// Places on each side of a border that are compared.
     compared: usize,
+    /// Limits of the contrast of one row.
+    row_contrast: (f32, f32),
     /// Contrast at each place of each row, as a multiple of the least: for a border on the first and on the second
     /// side. [`NOWHERE`] outside the picture.
     contrast: [Vec<f32>; 2],
 }
 
 impl<'a> RowSteps<'a> {
-    /// `compared`: places that are compared, as a share of the half width, and their least and most number.
-    fn of(rows: &'a StripRows<'a>, compared: (f64, f64, f64)) -> Self {
+    fn of(rows: &'a StripRows<'a>, StepShape { compared, row_contrast }: StepShape) -> Self {
         let compared = (compared.0 / rows.step).round().clamp(compared.1, compared.2) as usize;
         let mut contrast: [Vec<f32>; 2] = Default::default();
         for row in rows.codes.chunks_exact(rows.places) {
@@ -182,7 +190,7 @@ impl<'a> RowSteps<'a> {
                 contrast.iter_mut().zip(both).for_each(|(all, own)| all.push(own));
             }
         }
-        Self { rows, compared, contrast }
+        Self { rows, compared, row_contrast, contrast }
     }
 
     /// The likely pairs of borders, the one of most contrast first.
@@ -210,7 +218,8 @@ impl<'a> RowSteps<'a> {
 
     /// Mean contrast of a line; `None` if half of it is outside the picture.
     fn mean_contrast(&self, side: f64, line: [f64; 2]) -> Option<f32> {
-        let limited = self.contrast_along(side, line).map(|contrast| contrast.clamp(ROW_CONTRAST.0, ROW_CONTRAST.1));
+        let (least, most) = self.row_contrast;
+        let limited = self.contrast_along(side, line).map(|contrast| contrast.clamp(least, most));
         let (sum, count) = limited.fold((0.0, 0), |(sum, count), contrast| (sum + contrast, count + 1));
         (2 * count > ROWS).then(|| sum / count as f32)
     }

@@ -65,24 +65,11 @@ impl StripFinder {
     pub fn find_trocars(&mut self, frames: &[CellPicture], min_turn: f64) {
         const TROCAR_FRAMES: usize = 20;
         let spread: Vec<GridMap> = spread(frames, TROCAR_FRAMES).map(|cells| self.evidence(cells)).collect();
-        let mut open: Vec<(usize, Vec<Vec<Strip>>)> = (0..self.tools.len())
-            .map(|tool| (tool, spread.iter().map(|evidence| self.strips(evidence, tool)).collect()))
-            .collect();
-        // A strip is only one tool. The surest tool takes its strips first.
-        while !open.is_empty() {
-            let found: Vec<_> =
-                open.iter().map(|(_, strips)| meeting_point::find(strips, |at| self.may_be_trocar(at))).collect();
-            let score = |at: &usize| found[*at].as_ref().map_or(-1.0, |point| point.score);
-            let Some(surest) = (0..open.len()).max_by(|one, other| score(one).total_cmp(&score(other))) else { break };
-            let (tool, strips) = open.swap_remove(surest);
-            let Some(point) = &found[surest] else { break };
-            self.tools[tool].1 = Some(point.at).filter(|at| meeting_point::turn(&strips, *at) >= min_turn);
-            for (_, others) in &mut open {
-                for (frame, others) in others.iter_mut().enumerate() {
-                    let own = point.strips[frame].map(|number| &strips[frame][number]);
-                    others.retain(|strip| own.is_none_or(|own| !strip.is_same_as(own)));
-                }
-            }
+        let strips = |tool: usize| spread.iter().map(|evidence| self.strips(evidence, tool)).collect();
+        let of_tools: Vec<Vec<Vec<Strip>>> = (0..self.tools.len()).map(strips).collect();
+        let points = meeting_point::of_tools(of_tools, |at| self.may_be_trocar(at));
+        for ((_, trocar), point) in self.tools.iter_mut().zip(points) {
+            *trocar = point.filter(|(_, turn)| *turn >= min_turn).map(|(at, _)| at);
         }
     }
 

@@ -58,6 +58,29 @@ pub fn find(frames: &[Vec<Strip>], is_possible: impl Fn(Vector3<f64>) -> bool) -
     (passing.into_iter().flatten().count() >= MIN_FRAMES && is_possible(at)).then_some(found)
 }
 
+/// The points of several tools, and how far each turned about its own ([`turn`]). `tools` are the strips of each frame
+/// of each tool. A strip is only one tool, so the tool with the most score takes its strips first.
+pub fn of_tools(
+    tools: Vec<Vec<Vec<Strip>>>,
+    is_possible: impl Fn(Vector3<f64>) -> bool,
+) -> Vec<Option<(Vector3<f64>, f64)>> {
+    let mut points = vec![None; tools.len()];
+    let mut open: Vec<(usize, Vec<Vec<Strip>>)> = tools.into_iter().enumerate().collect();
+    loop {
+        let found = open.iter().map(|(_, frames)| find(frames, &is_possible)).enumerate();
+        let surest = found
+            .filter_map(|(place, point)| Some((place, point?)))
+            .max_by(|(_, one), (_, other)| one.score.total_cmp(&other.score));
+        let Some((place, point)) = surest else { return points };
+        let (tool, frames) = open.swap_remove(place);
+        points[tool] = Some((point.at, turn(&frames, point.at)));
+        for (number, others) in open.iter_mut().flat_map(|(_, frames)| frames.iter_mut().enumerate()) {
+            let own = point.strips[number].map(|strip| &frames[number][strip]);
+            others.retain(|strip| own.is_none_or(|own| !strip.is_same_as(own)));
+        }
+    }
+}
+
 /// How far a tool turned about a point: the strips through it turn out of their mean plane by this sine, root mean
 /// square. A tool at rest seems to turn by the error of a strip's direction, at most about 0.01.
 pub fn turn(frames: &[Vec<Strip>], trocar: Vector3<f64>) -> f64 {
@@ -138,7 +161,7 @@ fn refined(lines: &[Line], frames: usize, mut trocar: Vector3<f64>) -> Vector3<f
 mod tests {
     use super::*;
     use crate::vision::space::Normalised;
-    use nalgebra::Point2;
+    use nalgebra::{Point2, Vector2};
 
     fn strip(entry: [f64; 2], end: [f64; 2], score: f64) -> Strip {
         let [entry, end] = [entry, end].map(Point2::from);
@@ -178,6 +201,40 @@ mod tests {
         let frames: Vec<Vec<Strip>> = (0..12).map(|i| vec![resting(i), line.clone()]).collect();
         let found = find(&frames, |_| true).unwrap().at;
         assert!(turn(&frames, found) < 0.01, "{}", turn(&frames, found));
+    }
+
+    /// The strips of a tool whose trocar is beyond the lower right of the picture, as seen from its hand.
+    fn of_right_tool() -> Vec<Vec<Strip>> {
+        let trocar = Point2::new(1.9, 1.7);
+        let strip = |i: i32| {
+            let tip = Point2::new(-0.1 - 0.03 * f64::from(i % 4), -0.26 + 0.02 * f64::from(i % 5));
+            strip((tip + (trocar - tip) * 0.3).into(), tip.into(), 100.0)
+        };
+        (0..12).map(|i| vec![strip(i)]).collect()
+    }
+
+    fn reversed(strip: &Strip) -> Strip {
+        Strip { entry: strip.end, end: strip.entry, score: 0.9 * strip.score, ..strip.clone() }
+    }
+
+    #[test]
+    fn a_tool_that_is_seen_from_tip_to_hand_has_no_trocar_beyond_its_tip() {
+        let right = of_right_tool();
+        assert!(find(&right, |_| true).is_some());
+        let frames: Vec<Vec<Strip>> = right.iter().map(|strips| strips.iter().map(reversed).collect()).collect();
+        assert!(find(&frames, |_| true).is_none());
+    }
+
+    #[test]
+    fn a_strip_of_one_tool_is_not_the_other_one() {
+        let right = of_right_tool();
+        let own = |i: usize| strip([-0.54, 0.2 + 0.01 * i as f64], [-0.3, -0.02 * i as f64], 50.0);
+        let left: Vec<Vec<Strip>> =
+            right.iter().enumerate().map(|(i, strips)| vec![strips[0].clone(), own(i)]).collect();
+        let points = of_tools(vec![left, right], |_| true);
+        let [left, right] = [0, 1].map(|tool| points[tool].unwrap().0).map(|at| at.xy() / at.z);
+        assert!((right - Vector2::new(1.9, 1.7)).norm() < 1e-3, "{right}");
+        assert!(left.x < 0.0, "{left}");
     }
 
     #[test]

@@ -226,10 +226,18 @@ fn count_near(edges: &[MeasuredEdge], part: OutlinePart, outline: &Outline, came
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Point3, Vector3};
+    use nalgebra::{Point2, Point3, Vector3};
 
     use super::*;
     use crate::vision::camera::testing::STRAIGHT as CAMERA;
+    use crate::vision::frame::{Frame, Plane};
+    use crate::vision::segmentation::cells::CellPicture;
+    use crate::vision::segmentation::shaft_colour::ShaftColour;
+    use crate::vision::strip::finder::{BareTool, FrameStrips, SearchTurn, StripFinder};
+    use crate::vision::tracker::frame_context::FrameContext;
+    use crate::vision::tracker::predict::Prediction;
+    use crate::vision::tracker::testing::{ENCODING, two_bare_tools};
+    use crate::vision::tracker::{Tracker, TrackerSettings};
 
     /// Edges on both borders of a tube at these distances behind its tip.
     fn border_edges(tube: &Tube, backs_mm: &[f64]) -> Vec<MeasuredEdge> {
@@ -241,6 +249,47 @@ mod tests {
             MeasuredEdge::new(OutlinePoint::Border { side, back_mm }, at, outward, 0.1, &CAMERA).unwrap()
         };
         BorderSide::BOTH.into_iter().flat_map(|side| backs_mm.iter().map(move |back| edge(side, *back))).collect()
+    }
+
+    /// A frame of the camera's size with these codes of luma and of chroma.
+    fn frame_of<'a>([luma, chroma]: [&'a [u8]; 2]) -> Frame<'a> {
+        let (width, height) = (CAMERA.width as usize, CAMERA.height as usize);
+        let [y, u, v] = [luma, chroma, chroma].map(|data| Plane { data, stride: width, width, height });
+        let (index, time_s, shift_x, shift_y, chroma_first_px, encoding) = (0, 0.0, 0, 0, [0.0; 2], ENCODING);
+        Frame { index, time_s, y, u, v, shift_x, shift_y, chroma_first_px, encoding }
+    }
+
+    /// Is the end of a tube before an even mat covered, if a ring of this radius (mm) lies about it?
+    fn is_covered_by_ring(radius_mm: f64) -> bool {
+        let tube = Tube { tip: Point3::new(0.0, 0.0, 150.0), axis: Vector3::x(), radius: 2.5 };
+        let tip_px = CAMERA.project(CameraPoint(tube.tip)).unwrap().0;
+        let radius_px = radius_mm * CAMERA.fx / tube.tip.z;
+        let (width, height) = (CAMERA.width as usize, CAMERA.height as usize);
+        let luma = |i: usize| {
+            let at = Point2::new((i % width) as f64, (i / width) as f64);
+            if nalgebra::distance(&at, &tip_px) < radius_px { 220 } else { 150 }
+        };
+        let empty = vec![150; width * height];
+        let luma: Vec<u8> = (0..width * height).map(luma).collect();
+        let grey = vec![128; width * height];
+        let shaft = ShaftColour::new(&[[30, 128, 128]]).unwrap();
+        let tools = [BareTool { side: None, diameter_mm: 5.0 }];
+        let finder =
+            StripFinder::learn(&CAMERA, shaft, &tools, &[CellPicture::of(&frame_of([&empty, &grey]))], None).unwrap();
+        let frame = frame_of([&luma, &grey]);
+        let strips = FrameStrips::new(&finder, &frame, SearchTurn::All);
+        let settings = TrackerSettings { camera: CAMERA, ..two_bare_tools() };
+        let tracker = Tracker::new(settings, CAMERA.width, CAMERA.height, ENCODING).unwrap();
+        let (table, settings) = (&tracker.table, &tracker.settings);
+        let scene =
+            FrameContext { frame: &frame, segment: table, table, settings, strips: Some(&strips), obstacles: &[] };
+        tracker.tools[0].band_fit(&scene, &Prediction::default()).is_end_covered(&tube)
+    }
+
+    #[test]
+    fn a_thing_wider_than_the_tool_covers_its_end() {
+        assert!(is_covered_by_ring(8.0));
+        assert!(!is_covered_by_ring(2.5), "no wider than the tool");
     }
 
     #[test]
