@@ -68,9 +68,6 @@ impl BandFit<'_> {
         if measurement.grade() < Grade::Good {
             doubt(&mut measurement.estimate);
         }
-        if self.spec.is_bare() && measurement.estimate.covariance[(2, 2)] > MAX_SHAFT_DEPTH_SIGMA_MM.powi(2) {
-            return Err(MissReason::PoorFit);
-        }
         if self.is_length_unknown() {
             self.measure_length(&mut measurement, &found);
         }
@@ -231,9 +228,6 @@ impl BandFit<'_> {
         pair.map_or(1.0, |(near, far)| (near - far).norm()).max(0.05)
     }
 }
-
-/// Largest standard deviation of a shaft's depth, mm: a box is 150 mm deep, so a poorer position says nothing.
-const MAX_SHAFT_DEPTH_SIGMA_MM: f64 = 15.0;
 
 /// Increases the variances of a fit that is not good.
 fn doubt(estimate: &mut TubeEstimate) {
