@@ -132,8 +132,10 @@ impl BandFit<'_> {
     fn smeared_by(&self, likely: &LikelyStrip) -> BandFit<'_> {
         let along = likely.strip.end.0 - likely.strip.entry.0;
         let across = Vector2::new(-along.y, along.x).try_normalize(1e-9).unwrap_or_default();
-        let motion_px_s = if likely.smear > 0.0 {
-            let moved_px = likely.smear * self.camera().fx;
+        /// A smaller smear shows no motion.
+        const MIN_SMEAR_PX: f64 = 1.0;
+        let moved_px = likely.smear * self.camera().fx;
+        let motion_px_s = if moved_px > MIN_SMEAR_PX {
             self.motion_px_s + across * (moved_px / self.edges.exposure_s - self.motion_px_s.dot(&across))
         } else {
             self.motion_px_s
@@ -147,17 +149,6 @@ impl BandFit<'_> {
         for start in self.starts_of_strip(borders) {
             let fit = self.fit_shaft(&start, MEASURED_SHAFT_MM, STRIP_PASSES, recorder);
             let tube = fit.as_ref().map_or_else(|miss| miss.tube, |fit| Some(fit.estimate.tube));
-            if std::env::var("DBG").is_ok() {
-                println!(
-                    "        start tip {:?} axis {:?}: {:?} {}",
-                    start.tip,
-                    start.axis,
-                    fit.as_ref()
-                        .map(|f| (f.estimate.tube.tip, f.estimate.residual_px))
-                        .map_err(|m| (m.reason, m.tube.map(|t| t.tip))),
-                    tube.is_some_and(|tube| !self.is_as_wide(&tube, borders))
-                );
-            }
             let found = match tube.is_some_and(|tube| !self.is_as_wide(&tube, borders)) {
                 true => Err(MissReason::PoorFit),
                 false => fit.map_err(|miss| miss.reason).and_then(|fit| self.measurement_of(fit, MEASURED_SHAFT_MM)),
