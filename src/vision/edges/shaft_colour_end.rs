@@ -2,10 +2,10 @@
 //!
 //! **In** the colours in rows across the shaft. **Out** the distance of that place behind the assumed tip. **Method** A
 //! lit tube changes little along its axis, so a clear step of the colour in the middle of three stripes is another
-//! surface. **Gives up** without borders or with other colours behind the place, and if the shaft goes on ahead of it,
+//! surface. **Gives up** without borders or with other colours behind the place, and if the shaft continues ahead of it,
 //! as it does beyond a thing that lies across it.
 
-use super::shaft_rows::{Codes, ShaftRow, distance};
+use super::shaft_rows::{Codes, ShaftRow, distance, mean_codes, median_distance, stripes};
 
 /// Length of the pieces behind and ahead of a step that are compared, diameters.
 const PIECE_DIAMETERS: f64 = 0.5;
@@ -13,8 +13,8 @@ const PIECE_DIAMETERS: f64 = 0.5;
 const CLEAR_CODES: f64 = 30.0;
 /// The greatest step within this distance is one, diameters.
 const NEAR_DIAMETERS: f64 = 0.25;
-/// Lengths of the shaft behind the place that must have borders, diameters, and the least share of them that must. One is
-/// longer than jaws and one is shorter, so that black jaws do not pass for a shaft.
+/// Lengths of the shaft behind the place that must have borders, diameters, and the least share of them that must. One
+/// is longer than jaws and one is shorter, so that black jaws do not pass for a shaft.
 const LONG_DIAMETERS: [f64; 2] = [2.0, 6.0];
 const MIN_LONG_SHARE: f64 = 0.8;
 /// Least distance of the colours on both sides of a border, codes.
@@ -80,7 +80,8 @@ impl ColourEnds<'_> {
     fn has_border_behind(&self, side: usize, row: usize) -> bool {
         let [from, to] = ALIKE_DIAMETERS.map(|diameters| row.saturating_sub(self.count(diameters)));
         let codes = |rows: &[ShaftRow]| rows.iter().filter_map(|row| row.borders[side]).collect::<Vec<_>>();
-        let Some(shaft) = mean(codes(&self.rows[to..from]).iter().map(|[inside, _]| *inside)) else { return false };
+        let far = codes(&self.rows[to..from]);
+        let Some(shaft) = mean_codes(far.iter().map(|[inside, _]| *inside)) else { return false };
         LONG_DIAMETERS.into_iter().all(|diameters| {
             let seen = codes(&self.rows[row.saturating_sub(self.count(diameters))..row]);
             let is_edge = |[inside, outside]: &&[Codes; 2]| {
@@ -90,9 +91,13 @@ impl ColourEnds<'_> {
         })
     }
 
-    /// Is more of the shaft ahead of a row?
+    /// Is more of the shaft ahead of a row? `None` if too few rows show it.
     fn resumes(&self, row: usize) -> Option<bool> {
         let piece = self.count(PIECE_DIAMETERS);
+        let ahead_mm = (self.rows.len() - row - 1) as f64 * self.step_mm;
+        if ahead_mm < MAX_RESUMED_MM + PIECE_DIAMETERS * self.diameter_mm {
+            return None;
+        }
         let behind = stripes(&self.rows[row - piece..row])?;
         let ahead = stripes(&self.rows[row + 1..row + 1 + piece])?;
         let is_shaft = |row: &&ShaftRow| {
@@ -107,32 +112,6 @@ impl ColourEnds<'_> {
     }
 }
 
-/// The mean colours of the three stripes; `None` if one is hidden.
-fn stripes(rows: &[ShaftRow]) -> Option<[Codes; 3]> {
-    let mut means = [[0.0; 3]; 3];
-    for (stripe, mean) in means.iter_mut().enumerate() {
-        let seen: Vec<Codes> = rows.iter().filter_map(|row| row.inside[stripe]).collect();
-        if 2 * seen.len() < rows.len().max(1) {
-            return None;
-        }
-        *mean = self::mean(seen.into_iter())?;
-    }
-    Some(means)
-}
-
-fn mean(codes: impl Iterator<Item = Codes>) -> Option<Codes> {
-    let (count, sum) = codes.fold((0.0, [0.0; 3]), |(count, sum): (f64, Codes), codes| {
-        (count + 1.0, std::array::from_fn(|part| sum[part] + codes[part]))
-    });
-    (count > 0.0).then(|| sum.map(|sum| sum / count))
-}
-
-fn median_distance(one: &[Codes; 3], other: &[Codes; 3]) -> f64 {
-    let mut distances: [f64; 3] = std::array::from_fn(|stripe| distance(one[stripe], other[stripe]));
-    distances.sort_by(f64::total_cmp);
-    distances[1]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -144,7 +123,7 @@ mod tests {
     const STEEL: f64 = 130.0;
     const BOARD: f64 = 180.0;
 
-    /// Rows of a tool; `luma` is that of the two limbs and of the three stripes at a distance ahead of the tube's end, mm.
+    /// Rows of a tool; `luma` is that of both limbs and of the three stripes at a distance ahead of the tube's end, mm.
     fn rows(luma: impl Fn(f64) -> ([f64; 2], [f64; 3])) -> Vec<ShaftRow> {
         let grey = |luma: f64| [luma, 128.0, 128.0];
         let row = |i: i32| {
@@ -187,8 +166,10 @@ mod tests {
 
     #[test]
     fn a_shaft_does_not_end_where_a_thing_lies_across_it() {
-        let luma = |ahead: f64| if (-20.0..-12.0).contains(&ahead) { even(STEEL) } else { even(BLACK) };
-        assert_eq!(locate(&rows(luma), DIAMETER_MM), None);
+        for (from, to) in [(-20.0, -12.0), (26.0, 30.0)] {
+            let luma = |ahead: f64| if (from..to).contains(&ahead) { even(STEEL) } else { even(BLACK) };
+            assert_eq!(locate(&rows(luma), DIAMETER_MM), None, "from {from} to {to} mm");
+        }
     }
 
     #[test]

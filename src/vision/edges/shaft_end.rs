@@ -9,7 +9,7 @@
 //! is seen.
 
 use super::edge_model::EdgeModel;
-use super::shaft_rows::{Codes, ShaftRow, distance};
+use super::shaft_rows::{Codes, ShaftRow, distance, mean_codes, median_distance, stripes};
 
 /// The end of a shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,7 +98,7 @@ impl UsualCodes {
         /// Least standard deviation, codes: noise and compression.
         const MIN_SIGMA: f64 = 2.5;
         let count = all.len() as f64;
-        let mean = mean(all)?;
+        let mean = mean_codes(all.iter().copied())?;
         let variance: Codes = std::array::from_fn(|plane| {
             all.iter().map(|codes| (codes[plane] - mean[plane]).powi(2)).sum::<f64>() / count
         });
@@ -226,9 +226,8 @@ impl<'a> EndFinder<'a> {
             return false; // too few rows to see whether the shaft continues
         }
         // Steel is a tube, too, but not of the shaft's colour.
-        let next = [0, 1].map(|side| {
-            mean(&rows[..self.ahead].iter().filter_map(|row| Some(row.borders[side]?[0])).collect::<Vec<_>>())
-        });
+        let next =
+            [0, 1].map(|side| mean_codes(rows[..self.ahead].iter().filter_map(|row| Some(row.borders[side]?[0]))));
         let is_tube = |row: &&ShaftRow| {
             (0..2).all(|side| {
                 let (border, Some(codes)) = (&place.borders[side], row.borders[side]) else { return false };
@@ -291,7 +290,7 @@ impl<'a> EndFinder<'a> {
         const BLURRED: usize = 2;
         const NEAR: usize = 4;
         let light = |row: usize| Some(self.edges.light(self.rows.get(row)?.borders[side]?[0]));
-        let level = |from: usize, to: usize| mean(&(from..to).filter_map(light).collect::<Vec<_>>());
+        let level = |from: usize, to: usize| mean_codes((from..to).filter_map(light));
         let behind = level(row.saturating_sub(self.last.max(BLURRED + MIN_ROWS)), row.saturating_sub(BLURRED))?;
         let ahead = level(row + 1 + BLURRED, row + 1 + self.ahead.max(BLURRED + MIN_ROWS))?;
         let rise: Codes = std::array::from_fn(|part| ahead[part] - behind[part]);
@@ -318,15 +317,7 @@ impl<'a> EndFinder<'a> {
     fn step_at(&self, row: usize) -> Option<f64> {
         let behind = self.rows.get(row.checked_sub(self.last)?..row)?;
         let ahead = self.rows.get(row + 1..row + 1 + self.last)?;
-        let level = |rows: &[ShaftRow], stripe: usize| {
-            mean(&rows.iter().filter_map(|row| row.inside[stripe]).collect::<Vec<_>>())
-        };
-        let mut steps: [f64; 3] = [0.0; 3];
-        for (stripe, step) in steps.iter_mut().enumerate() {
-            *step = distance(level(behind, stripe)?, level(ahead, stripe)?);
-        }
-        steps.sort_by(f64::total_cmp);
-        Some(steps[1])
+        Some(median_distance(&stripes(behind)?, &stripes(ahead)?))
     }
 }
 
@@ -336,11 +327,6 @@ fn hinge_codes(row: &ShaftRow) -> Option<f64> {
     let seen = row.inside.iter().flatten();
     let apart: Vec<f64> = seen.map(|codes| distance(*codes, one).min(distance(*codes, other))).collect();
     (!apart.is_empty()).then(|| apart.iter().sum::<f64>() / apart.len() as f64)
-}
-
-fn mean(all: &[Codes]) -> Option<Codes> {
-    let count = all.len() as f64;
-    (!all.is_empty()).then(|| std::array::from_fn(|part| all.iter().map(|one| one[part]).sum::<f64>() / count))
 }
 
 #[cfg(test)]

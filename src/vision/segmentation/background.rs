@@ -121,13 +121,14 @@ impl Background {
     /// May the box, lit or in shade, show these mean codes of a patch about a pixel, as large as a cell? The patch may
     /// lie in nine cells.
     pub fn may_show(&self, [x, y]: [usize; 2], codes: [f32; 3]) -> bool {
-        /// Least log density below that of the box's own codes, nats: 3.6 standard deviations of noise.
+        /// Largest log density below that of the box's own codes, nats: 3.6 standard deviations of noise, or 25 codes of
+        /// chroma in shade.
         const MAX_BELOW: f32 = 5.0;
-        let densities = |codes, usual| [self.same_log_density(codes, usual), shade_log_density(codes, usual)];
         self.cells_near(x, y).any(|cell| {
             let usual = self.usual[cell];
-            let most = densities(usual, usual);
-            densities(codes, usual).iter().zip(most).any(|(density, most)| most - density < MAX_BELOW)
+            let is_same = || self.same_log_density(usual, usual) - self.same_log_density(codes, usual) < MAX_BELOW;
+            let is_shade = || shade_log_density(usual, usual) - shade_log_density(codes, usual) < MAX_BELOW;
+            is_same() || (may_be_shade(codes, usual) && is_shade())
         })
     }
 
@@ -161,6 +162,12 @@ impl Background {
     }
 }
 
+/// Is the luma a share of the usual one that shade leaves?
+fn may_be_shade(codes: [f32; 3], usual: [f32; 3]) -> bool {
+    let share = codes[0] / usual[0].max(LEAST_LUMA);
+    share > SHADE.0 && share < SHADE.1
+}
+
 /// Log density of the background in shade: darker by any factor, with its chroma shrunk alike.
 fn shade_log_density(codes: [f32; 3], usual: [f32; 3]) -> f32 {
     const IMPOSSIBLE: f32 = -12.0;
@@ -168,7 +175,7 @@ fn shade_log_density(codes: [f32; 3], usual: [f32; 3]) -> f32 {
     let share = codes[0] / usual[0].max(LEAST_LUMA);
     let variance = SHADE_CHROMA_CODES * SHADE_CHROMA_CODES;
     let off: f32 = (1..3).map(|part| (codes[part] - GREY - share.min(1.5) * (usual[part] - GREY)).powi(2)).sum();
-    let luma = if share > SHADE.0 && share < SHADE.1 { -(0.75 * usual[0]).max(20.0).ln() } else { IMPOSSIBLE };
+    let luma = if may_be_shade(codes, usual) { -(0.75 * usual[0]).max(20.0).ln() } else { IMPOSSIBLE };
     luma - (std::f32::consts::TAU * variance).ln() - 3.0 * (0.25 * off / variance).ln_1p()
 }
 
@@ -245,6 +252,8 @@ mod tests {
         let in_shade = [0.6 * y, 128.0 + 0.6 * (u - 128.0), 128.0 + 0.6 * (v - 128.0)];
         assert!(shows([y, u, v]) && shows(in_shade));
         assert!(!shows([y + 40.0, u, v]) && !shows([y, u - 60.0, v + 40.0]), "brighter, or of another colour");
+        let black = Background { usual: vec![[1.0, 128.0, 128.0]; GRID.count()], ..background };
+        assert!(!black.may_show([0, 0], [220.0, 128.0, 128.0]), "a white thing before a black box");
     }
 
     #[test]

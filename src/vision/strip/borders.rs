@@ -42,7 +42,8 @@ struct StepShape {
 /// A sharp step. So few places are compared that a soft shadow is no step, and enough for a strip out of focus.
 const SHARP: StepShape = StepShape { compared: (0.1, 2.0, 4.0), row_contrast: (-1.0, 8.0) };
 /// A step that motion has smeared over up to 0.7 half widths: a tip that moves at 150 mm/s while the camera exposes for
-/// 12 ms moves by that much of a 5 mm tool. Its middle is where the contrast is greatest, so that is not limited.
+/// 12 ms moves by that much of a 5 mm tool. Its middle is where the contrast is greatest, so the limit is beyond that of
+/// black before white.
 const SMEARED: StepShape = StepShape { compared: (0.35, 4.0, 12.0), row_contrast: (-1.0, 20.0) };
 /// Least share of rows with a step. Where six of ten have none, a shaft cannot be measured before its background.
 const MIN_SUPPORT: f64 = 0.4;
@@ -111,8 +112,9 @@ impl<'a> StripRows<'a> {
         steps.pairs().iter().map(|pair| LikelyStrip { strip: self.with_borders(pair), smear: 0.0 }).collect()
     }
 
-    /// The strip with each likely pair of borders that motion has smeared, the one of most contrast first.
-    pub fn with_smeared_borders(&self) -> Vec<LikelyStrip> {
+    /// The strip with each likely pair of borders that motion has smeared, the one of most contrast first. Each is
+    /// smeared by at least so much: a sharp one is no other than before.
+    pub fn with_smeared_borders(&self, least: f64) -> Vec<LikelyStrip> {
         let [sharp, smeared] = [SHARP, SMEARED].map(|shape| RowSteps::of(self, shape));
         let sharp = RowSteps { row_contrast: smeared.row_contrast, ..sharp };
         let likely = |pair: &[PossibleBorder; 2]| {
@@ -123,7 +125,7 @@ impl<'a> StripRows<'a> {
             let places = 0.5 * (of_side(-1.0, &pair[0]) + of_side(1.0, &pair[1]));
             LikelyStrip { strip: self.with_borders(pair), smear: places * self.step * self.half.norm() }
         };
-        smeared.pairs().iter().map(likely).collect()
+        smeared.pairs().iter().map(likely).filter(|likely| likely.smear > least).collect()
     }
 
     /// The strip with its borders moved to these lines.
@@ -386,7 +388,7 @@ mod tests {
         };
         let likely = with_frame(luma, |frame| {
             let rows = StripRows::read(frame, &STRAIGHT, &appearance, &strip);
-            if is_smeared { rows.with_smeared_borders() } else { rows.with_sharp_borders() }
+            if is_smeared { rows.with_smeared_borders(0.0) } else { rows.with_sharp_borders() }
         });
         let row = |point: Point2<f64>| STRAIGHT.pixel_of(Normalised(point)).v() - MIDDLE;
         likely

@@ -73,10 +73,13 @@ impl StripFinder {
         }
     }
 
-    /// Takes over the trocars that an earlier finder of the same tools knows and this one does not.
+    /// Takes over the trocars that an earlier finder of the same tools knows and this one does not, unless this one has
+    /// learned that they are another tool's.
     pub fn keep_trocars_of(&mut self, earlier: &Self) {
+        let learned: Vec<Vector3<f64>> = self.tools.iter().filter_map(|(_, trocar)| *trocar).collect();
+        let is_free = |at: &Vector3<f64>| learned.iter().all(|other| other.cross(at).norm() > meeting_point::MAX_MISS);
         for ((_, trocar), (_, known)) in self.tools.iter_mut().zip(&earlier.tools) {
-            *trocar = trocar.or(*known);
+            *trocar = trocar.or(known.filter(is_free));
         }
     }
 
@@ -220,21 +223,8 @@ mod tests {
         StripFinder::learn(&STRAIGHT, shaft, &tools, &[frame], None).unwrap()
     }
 
-    #[test]
-    fn trocars_stay_known_until_others_are_found() {
-        let [before, after] = [Vector3::x(), Vector3::y()];
-        let (mut known, mut learned) = (finder(), finder());
-        known.tools[0].1 = Some(before);
-        known.tools[1].1 = Some(before);
-        learned.tools[1].1 = Some(after);
-        learned.keep_trocars_of(&known);
-        assert_eq!([learned.tools[0].1, learned.tools[1].1], [Some(before), Some(after)]);
-    }
-
-    #[test]
-    fn only_tools_without_a_known_trocar_wait_for_their_turn() {
-        let mut finder = finder();
-        finder.tools[0].1 = Some(Vector3::x());
+    /// Calls `with` on an even frame.
+    fn with_frame<T>(with: impl Fn(&Frame<'_>) -> T) -> T {
         let samples = [150; 16];
         let plane = Plane { data: &samples, stride: 4, width: 4, height: 4 };
         let frame = Frame {
@@ -248,7 +238,41 @@ mod tests {
             chroma_first_px: [0.0; 2],
             encoding: ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 },
         };
-        let turns = |turn| [0, 1].map(|tool| FrameStrips::new(&finder, &frame, turn).is_turn_of(tool));
+        with(&frame)
+    }
+
+    #[test]
+    fn trocars_stay_known_until_others_are_found() {
+        let [left, right, after] = [Vector3::x(), Vector3::z(), Vector3::y()];
+        let (mut known, mut learned) = (finder(), finder());
+        known.tools[0].1 = Some(left);
+        known.tools[1].1 = Some(right);
+        learned.tools[1].1 = Some(after);
+        learned.keep_trocars_of(&known);
+        assert_eq!([learned.tools[0].1, learned.tools[1].1], [Some(left), Some(after)]);
+        let mut learned = finder();
+        learned.tools[1].1 = Some(left);
+        learned.keep_trocars_of(&known);
+        assert_eq!(learned.tools[0].1, None, "it was the other tool's");
+    }
+
+    #[test]
+    fn a_recording_is_always_searched_for_a_tool_with_a_known_trocar() {
+        let mut finder = finder();
+        finder.tools[0].1 = Some(Vector3::x());
+        let may = |turn| {
+            with_frame(|frame| [0, 1].map(|tool| FrameStrips::new(&finder, frame, turn).may_search_always(tool)))
+        };
+        assert_eq!(may(SearchTurn::All), [true, false]);
+        assert_eq!(may(SearchTurn::One(0)), [false, false]);
+    }
+
+    #[test]
+    fn only_tools_without_a_known_trocar_wait_for_their_turn() {
+        let mut finder = finder();
+        finder.tools[0].1 = Some(Vector3::x());
+        let turns =
+            |turn| with_frame(|frame| [0, 1].map(|tool| FrameStrips::new(&finder, frame, turn).is_turn_of(tool)));
         assert_eq!(turns(SearchTurn::All), [None, None]);
         assert_eq!(turns(SearchTurn::One(0)), [None, Some(false)]);
         assert_eq!(turns(SearchTurn::One(1)), [None, Some(true)]);

@@ -14,9 +14,9 @@ pub const MAX_MISS: f64 = 0.03;
 const MIN_CROSSING: f64 = 0.02;
 /// Least number of frames with a strip through it.
 const MIN_FRAMES: usize = 6;
-/// Largest angle at the camera between the end of a strip and its trocar, degrees: both are about as high as the
-/// camera at most, and the end lies below. A strip whose trocar lies beyond its end would need more: it is the other
-/// tool, seen from tip to hand.
+/// Largest angle at the camera between the end of a strip and its trocar, degrees. The end is below the camera, and the
+/// trocar is at most about as high. A strip of the other tool, from its tips to its hand, needs more if that tool's
+/// trocar is less than 45° from the end of the strip.
 const MAX_ANGLE_DEG: f64 = 135.0;
 
 /// The point of a tool's strips.
@@ -103,6 +103,8 @@ struct Line {
     plane: Vector3<f64>,
     /// The direction of its end, and the one at right angles to it towards its entry.
     directions: [Vector3<f64>; 2],
+    /// Angle between its end and its entry, radians.
+    length: f64,
     score: f64,
 }
 
@@ -110,15 +112,16 @@ impl Line {
     fn of(frame: usize, number: usize, strip: &Strip) -> Self {
         let [end, entry] = [strip.end, strip.entry].map(|at| at.ray().normalize());
         let to_entry = (entry - end * entry.dot(&end)).try_normalize(1e-9).unwrap_or_default();
-        Self { frame, strip: number, plane: strip.plane(), directions: [end, to_entry], score: strip.score.max(0.0) }
+        let (directions, length) = ([end, to_entry], end.angle(&entry));
+        Self { frame, strip: number, plane: strip.plane(), directions, length, score: strip.score.max(0.0) }
     }
 
-    /// Does it pass through a trocar that lies beyond its entry?
+    /// Does it pass through a trocar that lies beyond its middle, towards its entry?
     fn comes_from(&self, trocar: Vector3<f64>) -> bool {
         let [along, to_entry] = self.directions.map(|direction| direction.dot(&trocar));
         // Opposite directions are one point of the picture.
         let angle = to_entry.abs().atan2(to_entry.signum() * along);
-        self.plane.dot(&trocar).abs() < MAX_MISS && angle < MAX_ANGLE_DEG.to_radians()
+        self.plane.dot(&trocar).abs() < MAX_MISS && (0.5 * self.length..MAX_ANGLE_DEG.to_radians()).contains(&angle)
     }
 }
 
@@ -196,7 +199,7 @@ mod tests {
 
     #[test]
     fn a_resting_tool_and_a_line_of_the_box_meet_in_a_point_about_which_nothing_turned() {
-        let line = strip([-0.6, -0.3], [0.2, 0.3], 50.0);
+        let line = strip([-0.6, 0.12], [0.2, 0.5], 50.0);
         let resting = |i: i32| strip([-0.5, 0.1], [0.1, 0.2 + 0.002 * f64::from(i % 3 - 1)], 100.0);
         let frames: Vec<Vec<Strip>> = (0..12).map(|i| vec![resting(i), line.clone()]).collect();
         let found = find(&frames, |_| true).unwrap().at;

@@ -64,8 +64,8 @@ pub(super) struct FoundEdges {
     distal_px: f64,
 }
 
-/// Extra error of a part's offset when it is smeared, as a share of the smear: of tape, and of a bare shaft. The limbs of
-/// a shaft mirror the box, so its edges show the exposure time only to a factor of two. In the even of 42 ray-traced
+/// Extra error of a part's offset when it is smeared, as a share of the smear: of tape, and of a bare shaft. The limbs
+/// of a shaft mirror the box, so its edges show the exposure time only to a factor of two. In the even of 42 ray-traced
 /// recordings, its borders were then off by up to the smear.
 const SMEAR_ERROR: f64 = 0.3;
 const SMEAR_ERROR_OF_SHAFT: f64 = 1.0;

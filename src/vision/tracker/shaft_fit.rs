@@ -64,15 +64,15 @@ impl BandFit<'_> {
         Ok(fit)
     }
 
-    /// Does a thing lie across the end? It is wider than the tool: beside the place ahead of the end, the box does not
-    /// show on either side.
+    /// Does a thing lie across the end? It is wider than the tool: beside the place ahead of the end, the box hardly shows
+    /// on either side.
     fn is_end_covered(&self, tube: &Tube) -> bool {
         /// Places ahead of the end, diameters: on the hinge, before jaws that may be open.
         const AHEAD_DIAMETERS: [f64; 3] = [0.1, 0.3, 0.5];
         /// Distances from the axis, radii.
         const BESIDE_RADII: [f64; 2] = [1.5, 1.9];
-        /// Least share of the places that show the box.
-        const MIN_SHARE: f64 = 0.34;
+        /// Least number of places in the picture that decide.
+        const MIN_PLACES: usize = 6;
         let (Some(strips), Some(outline)) = (self.scene.strips, tube.outline()) else { return false };
         let mut seen: Vec<bool> = Vec::new();
         for diameters in AHEAD_DIAMETERS {
@@ -84,7 +84,8 @@ impl BandFit<'_> {
             let beside = BESIDE_RADII.into_iter().flat_map(|radii| [middle + half * radii, middle - half * radii]);
             seen.extend(beside.filter_map(|at| strips.shows_box(Pixel(at))));
         }
-        !seen.is_empty() && (seen.iter().filter(|shows| **shows).count() as f64) < MIN_SHARE * seen.len() as f64
+        let shown = seen.iter().filter(|shows| **shows).count();
+        seen.len() >= MIN_PLACES && 3 * shown < seen.len()
     }
 
     /// Do enough edges confirm each border? They may lie farther from it the more they are smeared.
@@ -105,13 +106,11 @@ impl BandFit<'_> {
         on_rim >= MIN_SHARE * fit.found.visible[rim]
     }
 
-    /// Is the rim that of the tube? A collar has a rim, too, so neither the end of the colour nor that of the full width
-    /// may contradict.
+    /// Is the rim that of the tube? A collar has a rim, too, so neither the end of the full width nor that of the colour
+    /// may contradict. The colour may also be that of a black collar.
     fn is_rim_of_tube(&self, tube: &Tube) -> bool {
         let Some(rows) = self.rows_across(tube) else { return false };
-        let collar_mm = self.spec.collar_mm();
-        let is_colours =
-            |back_mm: f64| self.is_near(back_mm) || (collar_mm > 0.0 && !self.is_near(back_mm - collar_mm));
+        let is_colours = |back_mm: f64| self.is_near(back_mm) || self.is_near(back_mm + self.spec.collar_mm());
         self.locate_end(&rows).is_none_or(|end| self.is_near(end.back_mm))
             && self.locate_colour_end(&rows).is_none_or(is_colours)
     }
@@ -122,44 +121,54 @@ impl BandFit<'_> {
         back_mm.abs() < MAX_APART_DIAMETERS * self.spec.diameter_mm
     }
 
-    /// Fits a tube whose end is not where the start assumes it. The tube is first moved to its borders, if enough of them
-    /// shows: only there are its rows those of the shaft.
+    /// Fits a tube whose end is not where the start assumes it. The tube is first moved to its borders, if enough of
+    /// them shows: only there are its rows those of the shaft.
     fn fit_end(&self, start: &Tube, length_mm: f64, recorder: &mut FitRecorder) -> Result<PassFit, ShaftMiss> {
         let moved = self.fit_axis(start, length_mm, FINE_PASSES, recorder).map(|(tube, _)| tube);
         let tube = moved.unwrap_or(*start);
-        if let Some(fit) = self.fit_colour_end(tube, length_mm, recorder) {
+        let rows = self.rows_across(&tube).unwrap_or_default();
+        if let Some(fit) = self.fit_colour_end(tube, &rows, length_mm, recorder) {
             return Ok(fit);
         }
-        self.fit_full_width(tube, moved.is_some(), length_mm, recorder)
+        let hidden = match moved {
+            Some(tube) => ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) },
+            None => MissReason::BordersNotFound.into(),
+        };
+        let end = self.locate_end(&rows).ok_or(hidden)?;
+        self.fit_full_width(tube, end, length_mm, recorder)
     }
 
-    /// Fits a tube whose rim is where its colour ends.
-    fn fit_colour_end(&self, mut tube: Tube, length_mm: f64, recorder: &mut FitRecorder) -> Option<PassFit> {
-        let back_mm = self.locate_colour_end(&self.rows_across(&tube)?)?;
-        tube.tip -= tube.axis * back_mm;
+    /// Fits a tube whose rim is where its colour ends. The fitted tube must show that end, too. The colour may be that
+    /// of a black collar, so with a collar the end of the full width must agree.
+    fn fit_colour_end(
+        &self,
+        mut tube: Tube,
+        rows: &[ShaftRow],
+        length_mm: f64,
+        recorder: &mut FitRecorder,
+    ) -> Option<PassFit> {
+        tube.tip -= tube.axis * self.locate_colour_end(rows)?;
         let fit = self.fit_passes(&tube, length_mm, FINE_PASSES, recorder).ok()?;
-        // The colour may be that of a black collar, too.
-        let is_known = || {
-            self.spec.collar_mm() == 0.0
-                || self.locate_end(&self.rows_across(&fit.estimate.tube).unwrap_or_default()).is_some()
-        };
-        (self.shows_rim(&fit) && self.is_rim_of_tube(&fit.estimate.tube) && is_known()).then_some(fit)
+        let rows = self.rows_across(&fit.estimate.tube)?;
+        let full_width = self.locate_end(&rows);
+        let agrees = full_width.map_or(self.spec.collar_mm() == 0.0, |end| self.is_near(end.back_mm));
+        let is_end = agrees && self.locate_colour_end(&rows).is_some_and(|back_mm| self.is_near(back_mm));
+        (is_end && self.shows_rim(&fit)).then_some(fit)
     }
 
     /// Fits a tube that ends where its full width does, less its collar.
     fn fit_full_width(
         &self,
         mut tube: Tube,
-        is_moved: bool,
+        first: ShaftEnd,
         length_mm: f64,
         recorder: &mut FitRecorder,
     ) -> Result<PassFit, ShaftMiss> {
+        let mut first = Some(first);
         let mut last = Err(MissReason::TipHidden.into());
         for pass in FINE_PASSES {
-            let end = self.rows_across(&tube).and_then(|rows| self.locate_end(&rows)).ok_or(match is_moved {
-                true => ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) },
-                false => MissReason::BordersNotFound.into(),
-            })?;
+            let located = first.take().or_else(|| self.locate_end(&self.rows_across(&tube)?));
+            let end = located.ok_or(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) })?;
             tube.tip -= tube.axis * end.back_mm;
             let mut found = self.edges_along(&tube, length_mm, *pass, recorder)?;
             self.use_end(&tube, &end, &mut found).ok_or(MissReason::PoorFit)?;

@@ -22,7 +22,8 @@ use crate::vision::tube::{BorderSide, Tube};
 /// and a bent shaft count more the longer it is.
 pub const MEASURED_SHAFT_MM: f64 = 60.0;
 
-/// Searches of the whole picture for a shaft that is not found. They take so long that not every frame is searched.
+/// Searches of the whole picture for a shaft that is not found. They take so long that not every frame is searched,
+/// except in recordings where the trocar is known ([`FrameStrips::may_search_always`]).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ShaftSearch {
     /// Searches without success since the last one with it.
@@ -115,8 +116,10 @@ impl BandFit<'_> {
         strip: &Strip,
         recorder: &mut FitRecorder,
     ) -> Result<Measurement, MissReason> {
+        /// Least smear that shows motion, pixels: a sharp border may seem to have less.
+        const MIN_SMEAR_PX: f64 = 3.0;
         let rows = strips.rows_across(self.camera(), strip);
-        let smeared = std::iter::once_with(|| rows.with_smeared_borders()).flatten();
+        let smeared = std::iter::once_with(|| rows.with_smeared_borders(MIN_SMEAR_PX / self.camera().fx)).flatten();
         let mut reason = MissReason::BordersNotFound;
         for likely in rows.with_sharp_borders().into_iter().chain(smeared) {
             match self.smeared_by(&likely).measure_between_borders(&likely.strip, recorder) {
@@ -127,20 +130,16 @@ impl BandFit<'_> {
         Err(reason)
     }
 
-    /// The same fit for a tool whose motion has smeared the borders of its strip. The motion across the strip is that of
-    /// the smear; in which of both directions does not matter.
+    /// The same fit for a tool whose motion has smeared the borders of its strip, if it has. The motion across the strip
+    /// is that of the smear. Its sign does not matter.
     fn smeared_by(&self, likely: &LikelyStrip) -> BandFit<'_> {
         let along = likely.strip.end.0 - likely.strip.entry.0;
-        let across = Vector2::new(-along.y, along.x).try_normalize(1e-9).unwrap_or_default();
-        /// A smaller smear shows no motion.
-        const MIN_SMEAR_PX: f64 = 1.0;
-        let moved_px = likely.smear * self.camera().fx;
-        let motion_px_s = if moved_px > MIN_SMEAR_PX {
+        let across = Vector2::new(-along.y, along.x).try_normalize(1e-9).filter(|_| likely.smear > 0.0);
+        let motion_px_s = across.map_or(self.motion_px_s, |across| {
+            let moved_px = likely.smear * self.camera().fx;
             self.motion_px_s + across * (moved_px / self.edges.exposure_s - self.motion_px_s.dot(&across))
-        } else {
-            self.motion_px_s
-        };
-        BandFit { motion_px_s, fulcrum: self.fulcrum.clone(), ..*self }
+        });
+        BandFit { motion_px_s, ..*self }
     }
 
     /// Measures the shaft between the borders of a strip.
