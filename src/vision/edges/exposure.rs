@@ -9,7 +9,7 @@
 use nalgebra::Vector2;
 
 use super::edge_fit::{EdgeAppearance, EdgeFit};
-use super::edge_model::{EdgeModel, USUAL_EXPOSURE_S};
+use super::edge_model::{EdgeModel, Likeness, USUAL_EXPOSURE_S};
 use super::probe::{FittedEdge, Probe, Shading};
 use super::profile;
 use crate::vision::frame::Frame;
@@ -118,6 +118,9 @@ fn misfits_of_edge(model: &EdgeModel, frame: &Frame<'_>, probe: &Probe, found: &
     let mut first = model.first_guess(&luma, &chroma, found.offset_px, &wide)?;
     if let Some(usual) = model.usual_inside(probe.part) {
         first.set_usual_inside(usual);
+    }
+    if model.likeness == Likeness::AllPlanes {
+        first.expect_mirror(wide.shading);
     }
     let mut squares = [0.0; EXPOSURES];
     let mut pixels = 0.0;

@@ -22,6 +22,7 @@ mod profile;
 mod scalar_filter;
 pub mod scan_lines;
 pub mod shaft;
+pub mod shaft_colour_end;
 pub mod shaft_end;
 pub mod shaft_rows;
 pub mod subpixel;

@@ -9,7 +9,7 @@
 //! is seen.
 
 use super::edge_model::EdgeModel;
-use super::shaft_rows::{Codes, ShaftRow, distance};
+use super::shaft_rows::{Codes, ShaftRow, distance, mean_codes, median_distance, stripes};
 
 /// The end of a shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,7 +59,10 @@ const MAX_SKEW_DIAMETERS: f64 = 0.35;
 /// without one.
 pub fn locate(edges: &EdgeModel, rows: &[ShaftRow], diameter_mm: f64, collar_mm: f64) -> Option<ShaftEnd> {
     let finder = EndFinder::new(edges, rows, diameter_mm)?;
-    let possible: Vec<EndPlace> = finder.places().into_iter().filter(|place| finder.is_end(place)).collect();
+    let mut possible: Vec<EndPlace> = finder.places().into_iter().filter(|place| finder.is_end(place)).collect();
+    if collar_mm == 0.0 {
+        possible.retain(|place| finder.is_alike(place));
+    }
     let place = match &possible[..] {
         [only] => only,
         [tube, collar] if collar_mm > 0.0 && finder.are_apart(tube, collar, collar_mm) => {
@@ -69,7 +72,7 @@ pub fn locate(edges: &EdgeModel, rows: &[ShaftRow], diameter_mm: f64, collar_mm:
     };
     let full_width = finder.measure(place)?;
     if collar_mm == 0.0 {
-        return Some(full_width).filter(|_| finder.is_alike(place));
+        return Some(full_width);
     }
     let behind = Some(ShaftEnd { back_mm: full_width.back_mm + collar_mm, ..full_width });
     let steps = [(0.0, HERE_DIAMETERS), (collar_mm, BEHIND_DIAMETERS)];
@@ -95,7 +98,7 @@ impl UsualCodes {
         /// Least standard deviation, codes: noise and compression.
         const MIN_SIGMA: f64 = 2.5;
         let count = all.len() as f64;
-        let mean = mean(all)?;
+        let mean = mean_codes(all.iter().copied())?;
         let variance: Codes = std::array::from_fn(|plane| {
             all.iter().map(|codes| (codes[plane] - mean[plane]).powi(2)).sum::<f64>() / count
         });
@@ -222,9 +225,16 @@ impl<'a> EndFinder<'a> {
         if (rows.len() as f64) * self.step_mm < MAX_RESUMED_MM + AHEAD_DIAMETERS * self.diameter_mm {
             return false; // too few rows to see whether the shaft continues
         }
+        // Steel is a tube, too, but not of the shaft's colour.
+        let next =
+            [0, 1].map(|side| mean_codes(rows[..self.ahead].iter().filter_map(|row| Some(row.borders[side]?[0]))));
         let is_tube = |row: &&ShaftRow| {
-            let borders = row.borders.iter().zip(&place.borders);
-            borders.into_iter().all(|(codes, border)| codes.is_some_and(|codes| border.shaft.is_edge(&codes)))
+            (0..2).all(|side| {
+                let (border, Some(codes)) = (&place.borders[side], row.borders[side]) else { return false };
+                let is_shaft =
+                    next[side].is_none_or(|next| distance(codes[0], border.shaft.mean) < distance(codes[0], next));
+                is_shaft && border.shaft.is_edge(&codes)
+            })
         };
         let resumed = rows.iter().filter(is_tube).count() as f64;
         let hinge: Vec<f64> = rows[..self.ahead].iter().filter_map(hinge_codes).collect();
@@ -280,7 +290,7 @@ impl<'a> EndFinder<'a> {
         const BLURRED: usize = 2;
         const NEAR: usize = 4;
         let light = |row: usize| Some(self.edges.light(self.rows.get(row)?.borders[side]?[0]));
-        let level = |from: usize, to: usize| mean(&(from..to).filter_map(light).collect::<Vec<_>>());
+        let level = |from: usize, to: usize| mean_codes((from..to).filter_map(light));
         let behind = level(row.saturating_sub(self.last.max(BLURRED + MIN_ROWS)), row.saturating_sub(BLURRED))?;
         let ahead = level(row + 1 + BLURRED, row + 1 + self.ahead.max(BLURRED + MIN_ROWS))?;
         let rise: Codes = std::array::from_fn(|part| ahead[part] - behind[part]);
@@ -307,15 +317,7 @@ impl<'a> EndFinder<'a> {
     fn step_at(&self, row: usize) -> Option<f64> {
         let behind = self.rows.get(row.checked_sub(self.last)?..row)?;
         let ahead = self.rows.get(row + 1..row + 1 + self.last)?;
-        let level = |rows: &[ShaftRow], stripe: usize| {
-            mean(&rows.iter().filter_map(|row| row.inside[stripe]).collect::<Vec<_>>())
-        };
-        let mut steps: [f64; 3] = [0.0; 3];
-        for (stripe, step) in steps.iter_mut().enumerate() {
-            *step = distance(level(behind, stripe)?, level(ahead, stripe)?);
-        }
-        steps.sort_by(f64::total_cmp);
-        Some(steps[1])
+        Some(median_distance(&stripes(behind)?, &stripes(ahead)?))
     }
 }
 
@@ -325,11 +327,6 @@ fn hinge_codes(row: &ShaftRow) -> Option<f64> {
     let seen = row.inside.iter().flatten();
     let apart: Vec<f64> = seen.map(|codes| distance(*codes, one).min(distance(*codes, other))).collect();
     (!apart.is_empty()).then(|| apart.iter().sum::<f64>() / apart.len() as f64)
-}
-
-fn mean(all: &[Codes]) -> Option<Codes> {
-    let count = all.len() as f64;
-    (!all.is_empty()).then(|| std::array::from_fn(|part| all.iter().map(|one| one[part]).sum::<f64>() / count))
 }
 
 #[cfg(test)]

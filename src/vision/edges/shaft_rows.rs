@@ -122,6 +122,31 @@ fn between(plane: &Plane<'_>, x: f64, y: f64) -> Option<f64> {
     Some(above * (1.0 - down) + below * down)
 }
 
+/// Mean colour; `None` of none.
+pub fn mean_codes(codes: impl Iterator<Item = Codes>) -> Option<Codes> {
+    let (count, sum) = codes.fold((0.0, [0.0; 3]), |(count, sum): (f64, Codes), codes| {
+        (count + 1.0, std::array::from_fn(|part| sum[part] + codes[part]))
+    });
+    (count > 0.0).then(|| sum.map(|sum| sum / count))
+}
+
+/// The mean colours of the three stripes in some rows; `None` if one is hidden in most of them.
+pub fn stripes(rows: &[ShaftRow]) -> Option<[Codes; 3]> {
+    let mut means = [[0.0; 3]; 3];
+    for (stripe, mean) in means.iter_mut().enumerate() {
+        let seen = || rows.iter().filter_map(|row| row.inside[stripe]);
+        *mean = mean_codes(seen()).filter(|_| 2 * seen().count() >= rows.len())?;
+    }
+    Some(means)
+}
+
+/// Distance between the colours of three stripes, codes: the median.
+pub fn median_distance(one: &[Codes; 3], other: &[Codes; 3]) -> f64 {
+    let mut distances: [f64; 3] = std::array::from_fn(|stripe| distance(one[stripe], other[stripe]));
+    distances.sort_by(f64::total_cmp);
+    distances[1]
+}
+
 /// Distance between two colours, codes.
 pub fn distance(one: Codes, other: Codes) -> f64 {
     one.iter().zip(other).map(|(one, other)| (one - other).powi(2)).sum::<f64>().sqrt()

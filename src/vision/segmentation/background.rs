@@ -99,14 +99,37 @@ impl Background {
     /// Usual codes near a pixel: of the brightest of the nine cells about it, because a cell at the border of a tool
     /// that never moves holds some of the tool.
     pub fn usual_at(&self, x: usize, y: usize) -> [f32; 3] {
+        let codes = self.cells_near(x, y).map(|cell| self.usual[cell]);
+        codes.max_by(|one, other| one[0].total_cmp(&other[0])).unwrap_or_default()
+    }
+
+    /// Side of a cell, pixels.
+    pub fn cell_px(&self) -> usize {
+        self.grid.cell_px
+    }
+
+    /// The nine cells about a pixel.
+    fn cells_near(&self, x: usize, y: usize) -> impl Iterator<Item = usize> + use<> {
         let CellGrid { cell_px, columns, rows } = self.grid;
-        let near = |at: usize, count: usize| {
+        let near = move |at: usize, count: usize| {
             let cell = (at / cell_px).min(count - 1);
             cell.saturating_sub(1)..(cell + 2).min(count)
         };
-        let cells = near(y, rows).flat_map(|row| near(x, columns).map(move |column| row * columns + column));
-        let codes = cells.map(|cell| self.usual[cell]);
-        codes.max_by(|one, other| one[0].total_cmp(&other[0])).unwrap_or_default()
+        near(y, rows).flat_map(move |row| near(x, columns).map(move |column| row * columns + column))
+    }
+
+    /// May the box, lit or in shade, show these mean codes of a patch about a pixel, as large as a cell? The patch may
+    /// lie in nine cells.
+    pub fn may_show(&self, [x, y]: [usize; 2], codes: [f32; 3]) -> bool {
+        /// Largest log density below that of the box's own codes, nats: 3.6 standard deviations of noise, or 25 codes of
+        /// chroma in shade.
+        const MAX_BELOW: f32 = 5.0;
+        self.cells_near(x, y).any(|cell| {
+            let usual = self.usual[cell];
+            let is_same = || self.same_log_density(usual, usual) - self.same_log_density(codes, usual) < MAX_BELOW;
+            let is_shade = || shade_log_density(usual, usual) - shade_log_density(codes, usual) < MAX_BELOW;
+            is_same() || (may_be_shade(codes, usual) && is_shade())
+        })
     }
 
     /// Does the cell look like the shaft without any tool?
@@ -139,6 +162,12 @@ impl Background {
     }
 }
 
+/// Is the luma a share of the usual one that shade leaves?
+fn may_be_shade(codes: [f32; 3], usual: [f32; 3]) -> bool {
+    let share = codes[0] / usual[0].max(LEAST_LUMA);
+    share > SHADE.0 && share < SHADE.1
+}
+
 /// Log density of the background in shade: darker by any factor, with its chroma shrunk alike.
 fn shade_log_density(codes: [f32; 3], usual: [f32; 3]) -> f32 {
     const IMPOSSIBLE: f32 = -12.0;
@@ -146,7 +175,7 @@ fn shade_log_density(codes: [f32; 3], usual: [f32; 3]) -> f32 {
     let share = codes[0] / usual[0].max(LEAST_LUMA);
     let variance = SHADE_CHROMA_CODES * SHADE_CHROMA_CODES;
     let off: f32 = (1..3).map(|part| (codes[part] - GREY - share.min(1.5) * (usual[part] - GREY)).powi(2)).sum();
-    let luma = if share > SHADE.0 && share < SHADE.1 { -(0.75 * usual[0]).max(20.0).ln() } else { IMPOSSIBLE };
+    let luma = if may_be_shade(codes, usual) { -(0.75 * usual[0]).max(20.0).ln() } else { IMPOSSIBLE };
     luma - (std::f32::consts::TAU * variance).ln() - 3.0 * (0.25 * off / variance).ln_1p()
 }
 
@@ -213,6 +242,18 @@ mod tests {
         let shaded = background.log_density(0, [75.0, 119.0, 134.0], any);
         let covered = background.log_density(0, SHAFT.map(f32::from), any);
         assert!(shaded > covered + 3.0, "{shaded} {covered}");
+    }
+
+    #[test]
+    fn a_mat_is_known_in_shade_and_nothing_else_is_taken_for_it() {
+        let background = background(3);
+        let shows = |codes| background.may_show([0, 0], codes);
+        let [y, u, v] = MAT.map(f32::from);
+        let in_shade = [0.6 * y, 128.0 + 0.6 * (u - 128.0), 128.0 + 0.6 * (v - 128.0)];
+        assert!(shows([y, u, v]) && shows(in_shade));
+        assert!(!shows([y + 40.0, u, v]) && !shows([y, u - 60.0, v + 40.0]), "brighter, or of another colour");
+        let black = Background { usual: vec![[1.0, 128.0, 128.0]; GRID.count()], ..background };
+        assert!(!black.may_show([0, 0], [220.0, 128.0, 128.0]), "a white thing before a black box");
     }
 
     #[test]

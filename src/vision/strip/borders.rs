@@ -30,11 +30,21 @@ const MIN_WIDTH: f64 = 0.7;
 const MAX_TILT: f64 = 0.9;
 /// Most places in a half width: on a wider strip, places are more than a pixel apart.
 const MAX_PLACES: f64 = 32.0;
-/// Places on each side of a border that are compared, as a share of the half width, and their least and most number.
-/// Few enough that a soft shadow is no step, and enough for a strip out of focus.
-const COMPARED: (f64, f64, f64) = (0.1, 2.0, 4.0);
-/// Limits of the contrast of one row, as a multiple of the least: no row may outvote the others.
-const ROW_CONTRAST: (f32, f32) = (-1.0, 8.0);
+/// What makes a step.
+#[derive(Clone, Copy)]
+struct StepShape {
+    /// Places on each side that are compared, as a share of the half width, and their least and most number.
+    compared: (f64, f64, f64),
+    /// Limits of the contrast of one row, as a multiple of the least: no row may outvote the others.
+    row_contrast: (f32, f32),
+}
+
+/// A sharp step. So few places are compared that a soft shadow is no step, and enough for a strip out of focus.
+const SHARP: StepShape = StepShape { compared: (0.1, 2.0, 4.0), row_contrast: (-1.0, 8.0) };
+/// A step that motion has smeared over up to 0.7 half widths: a tip that moves at 150 mm/s while the camera exposes for
+/// 12 ms moves by that much of a 5 mm tool. Its middle is where the contrast is greatest, so the limit is beyond that of
+/// black before white.
+const SMEARED: StepShape = StepShape { compared: (0.35, 4.0, 12.0), row_contrast: (-1.0, 20.0) };
 /// Least share of rows with a step. Where six of ten have none, a shaft cannot be measured before its background.
 const MIN_SUPPORT: f64 = 0.4;
 /// Pairs of borders that are tried.
@@ -45,22 +55,107 @@ const KEPT: usize = 3;
 /// shadow, or on the shaft.
 const MIN_SHARE: f32 = 0.5;
 
-/// The strip with each likely pair of borders, the one of most contrast first.
-pub fn with_likely_borders(
-    frame: &Frame<'_>,
-    camera: &Camera,
-    appearance: &ShaftAppearance,
-    strip: &Strip,
-) -> Vec<Strip> {
-    let rows = BorderRows::read(frame, camera, appearance, strip);
-    let [first, second] = [-1.0, 1.0].map(|side| rows.borders(side));
-    let mut pairs: Vec<(f32, [PossibleBorder; 2])> = Vec::new();
-    for one in &first {
-        let is_wide = |other: &&PossibleBorder| (0..2).all(|end| one.at[end] + other.at[end] > MIN_WIDTH);
-        pairs.extend(second.iter().filter(is_wide).map(|other| (one.contrast + other.contrast, [*one, *other])));
+/// A strip between likely borders.
+#[derive(Clone, Debug)]
+pub struct LikelyStrip {
+    /// The strip.
+    pub strip: Strip,
+    /// Width over which motion has smeared its borders; 0 if they are sharp.
+    pub smear: f64,
+}
+
+/// Rows across the end of a strip.
+pub struct StripRows<'a> {
+    strip: &'a Strip,
+    appearance: &'a ShaftAppearance,
+    /// Middle of the first row, nearest to the end of the strip, and of the last.
+    middles: [Point2<f64>; 2],
+    /// A half width across the strip, towards its second border.
+    half: Vector2<f64>,
+    /// Distance between places, half widths.
+    step: f64,
+    /// Places in a row.
+    places: usize,
+    /// Codes of the frame and of the empty box at each place of each row; `None` outside the picture.
+    codes: Vec<Option<[[f32; 3]; 2]>>,
+}
+
+impl<'a> StripRows<'a> {
+    /// Reads the rows.
+    pub fn read(frame: &Frame<'_>, camera: &Camera, appearance: &'a ShaftAppearance, strip: &'a Strip) -> Self {
+        let part = (MAX_LENGTH_WIDTHS / strip.length_widths.max(1.0)).min(1.0);
+        let (end, entry) = (strip.end.0, strip.entry.0);
+        let middles = [READ_PART.0, READ_PART.1].map(|share| end + (entry - end) * (part * share));
+        let along = (entry - end).try_normalize(1e-9).unwrap_or_else(Vector2::x);
+        let across = Vector2::new(-along.y, along.x);
+        let is_towards_second = across.dot(&(strip.borders[1][1] - strip.borders[0][1])) > 0.0;
+        let half = across * (if is_towards_second { 0.5 } else { -0.5 } * strip.width);
+        let half_px = (0.5 * strip.width * camera.fx).max(2.0);
+        let step = 1.0 / half_px.min(MAX_PLACES);
+        let places = (2.0 * REACH.1 / step) as usize + 1;
+        let mut rows = Self { strip, appearance, middles, half, step, places, codes: Vec::new() };
+        let all = (0..ROWS).flat_map(|row| (0..places).map(move |place| (row, place)));
+        rows.codes = all.map(|(row, place)| codes_of(frame, camera, appearance, rows.at(row, place))).collect();
+        rows
     }
-    pairs.sort_by(|one, other| other.0.total_cmp(&one.0));
-    pairs.iter().take(MAX_PAIRS).map(|(_, pair)| rows.with_borders(strip, pair)).collect()
+
+    /// A place of a row.
+    fn at(&self, row: usize, place: usize) -> Normalised {
+        let [first, last] = self.middles;
+        let share = row as f64 / (ROWS - 1) as f64;
+        Normalised(first + (last - first) * share + self.half * (place as f64 * self.step - REACH.1))
+    }
+
+    /// The strip with each likely pair of sharp borders, the one of most contrast first.
+    pub fn with_sharp_borders(&self) -> Vec<LikelyStrip> {
+        let steps = RowSteps::of(self, SHARP);
+        steps.pairs().iter().map(|pair| LikelyStrip { strip: self.with_borders(pair), smear: 0.0 }).collect()
+    }
+
+    /// The strip with each likely pair of borders that motion has smeared, the one of most contrast first. Each is
+    /// smeared by at least so much: a sharp one is no other than before.
+    pub fn with_smeared_borders(&self, least: f64) -> Vec<LikelyStrip> {
+        let [sharp, smeared] = [SHARP, SMEARED].map(|shape| RowSteps::of(self, shape));
+        let sharp = RowSteps { row_contrast: smeared.row_contrast, ..sharp };
+        let likely = |pair: &[PossibleBorder; 2]| {
+            let of_side = |side: f64, border: &PossibleBorder| {
+                let shown = sharp.mean_contrast(side, border.at).unwrap_or(0.0) / border.contrast;
+                smear_width(f64::from(shown), [sharp.compared, smeared.compared].map(|places| places as f64))
+            };
+            let places = 0.5 * (of_side(-1.0, &pair[0]) + of_side(1.0, &pair[1]));
+            LikelyStrip { strip: self.with_borders(pair), smear: places * self.step * self.half.norm() }
+        };
+        smeared.pairs().iter().map(likely).filter(|likely| likely.smear > least).collect()
+    }
+
+    /// The strip with its borders moved to these lines.
+    fn with_borders(&self, pair: &[PossibleBorder; 2]) -> Strip {
+        let strip = self.strip;
+        let [first, second] = [(-1.0, &pair[0]), (1.0, &pair[1])].map(|(side, border)| {
+            let [one, other] = [0, 1].map(|end| self.middles[end] + self.half * (side * border.at[end]));
+            let along = other - one;
+            let beside = |place: Point2<f64>| one + along * ((place - one).dot(&along) / along.norm_squared());
+            [beside(strip.entry.0), beside(strip.end.0)]
+        });
+        let middle = |i: usize| Normalised(nalgebra::center(&first[i], &second[i]));
+        let width = (second[1] - first[1]).norm();
+        Strip { borders: [first, second], entry: middle(0), end: middle(1), width, ..strip.clone() }
+    }
+}
+
+/// Width of a step that motion has smeared evenly, places. `shown` is the contrast between the means of a few places on
+/// both sides of its middle, as a share of that between the means of more places. Of the whole contrast, means of `n`
+/// places show `1 − w/4n` for a width `w` up to `2n`, and `n/w` beyond.
+fn smear_width(shown: f64, [few, more]: [f64; 2]) -> f64 {
+    const HALVINGS: usize = 20;
+    let share =
+        |width: f64, places: f64| if width < 2.0 * places { 1.0 - width / (4.0 * places) } else { places / width };
+    let (mut narrow, mut wide) = (0.0, 2.0 * more);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (narrow + wide);
+        if share(middle, few) / share(middle, more) > shown { narrow = middle } else { wide = middle }
+    }
+    0.5 * (narrow + wide)
 }
 
 /// A possible border on one side of a strip.
@@ -75,76 +170,68 @@ struct PossibleBorder {
 /// A contrast that is not known.
 const NOWHERE: f32 = f32::NEG_INFINITY;
 
-/// Rows across the end of a strip, and the steps in them.
-struct BorderRows {
-    /// Middle of the first row, nearest to the end of the strip, and of the last.
-    middles: [Point2<f64>; 2],
-    /// A half width across the strip, towards its second border.
-    half: Vector2<f64>,
-    /// Distance between places, half widths.
-    step: f64,
-    /// Places in a row.
-    places: usize,
+/// The steps in the rows across a strip.
+struct RowSteps<'a> {
+    rows: &'a StripRows<'a>,
     /// Places on each side of a border that are compared.
     compared: usize,
+    /// Limits of the contrast of one row.
+    row_contrast: (f32, f32),
     /// Contrast at each place of each row, as a multiple of the least: for a border on the first and on the second
     /// side. [`NOWHERE`] outside the picture.
     contrast: [Vec<f32>; 2],
 }
 
-impl BorderRows {
-    fn read(frame: &Frame<'_>, camera: &Camera, appearance: &ShaftAppearance, strip: &Strip) -> Self {
-        let part = (MAX_LENGTH_WIDTHS / strip.length_widths.max(1.0)).min(1.0);
-        let (end, entry) = (strip.end.0, strip.entry.0);
-        let middles = [READ_PART.0, READ_PART.1].map(|share| end + (entry - end) * (part * share));
-        let along = (entry - end).try_normalize(1e-9).unwrap_or_else(Vector2::x);
-        let across = Vector2::new(-along.y, along.x);
-        let is_towards_second = across.dot(&(strip.borders[1][1] - strip.borders[0][1])) > 0.0;
-        let half = across * (if is_towards_second { 0.5 } else { -0.5 } * strip.width);
-        let half_px = (0.5 * strip.width * camera.fx).max(2.0);
-        let step = 1.0 / half_px.min(MAX_PLACES);
-        let places = (2.0 * REACH.1 / step) as usize + 1;
-        let compared = (COMPARED.0 / step).round().clamp(COMPARED.1, COMPARED.2) as usize;
-        let mut rows = Self { middles, half, step, places, compared, contrast: Default::default() };
-        for row in 0..ROWS {
-            let codes: Vec<Option<[[f32; 3]; 2]>> =
-                (0..places).map(|place| codes_of(frame, camera, appearance, rows.at(row, place))).collect();
-            for place in 0..places {
-                let contrast = contrast_at(&codes, place, compared, appearance).unwrap_or([NOWHERE; 2]);
-                rows.contrast.iter_mut().zip(contrast).for_each(|(all, own)| all.push(own));
+impl<'a> RowSteps<'a> {
+    fn of(rows: &'a StripRows<'a>, StepShape { compared, row_contrast }: StepShape) -> Self {
+        let compared = (compared.0 / rows.step).round().clamp(compared.1, compared.2) as usize;
+        let mut contrast: [Vec<f32>; 2] = Default::default();
+        for row in rows.codes.chunks_exact(rows.places) {
+            for place in 0..rows.places {
+                let both = contrast_at(row, place, compared, rows.appearance).unwrap_or([NOWHERE; 2]);
+                contrast.iter_mut().zip(both).for_each(|(all, own)| all.push(own));
             }
         }
-        rows
+        Self { rows, compared, row_contrast, contrast }
     }
 
-    /// A place of a row.
-    fn at(&self, row: usize, place: usize) -> Normalised {
-        let [first, last] = self.middles;
-        let share = row as f64 / (ROWS - 1) as f64;
-        Normalised(first + (last - first) * share + self.half * (place as f64 * self.step - REACH.1))
+    /// The likely pairs of borders, the one of most contrast first.
+    fn pairs(&self) -> Vec<[PossibleBorder; 2]> {
+        let [first, second] = [-1.0, 1.0].map(|side| self.borders(side));
+        let mut pairs: Vec<[PossibleBorder; 2]> = Vec::new();
+        for one in &first {
+            let is_wide = |other: &&PossibleBorder| (0..2).all(|end| one.at[end] + other.at[end] > MIN_WIDTH);
+            pairs.extend(second.iter().filter(is_wide).map(|other| [*one, *other]));
+        }
+        let contrast = |[one, other]: &[PossibleBorder; 2]| one.contrast + other.contrast;
+        pairs.sort_by(|one, other| contrast(other).total_cmp(&contrast(one)));
+        pairs.truncate(MAX_PAIRS);
+        pairs
     }
 
     /// Contrast on one side (−1 or 1) in each row of a line, where it is in the picture.
     fn contrast_along(&self, side: f64, line: [f64; 2]) -> impl Iterator<Item = f32> + '_ {
-        let [first, last] = line.map(|at| ((side * at + REACH.1) / self.step + 0.5) as f32);
+        let [first, last] = line.map(|at| ((side * at + REACH.1) / self.rows.step + 0.5) as f32);
         let per_row = (last - first) / (ROWS - 1) as f32;
-        let rows = self.contrast[usize::from(side > 0.0)].chunks_exact(self.places).enumerate();
+        let rows = self.contrast[usize::from(side > 0.0)].chunks_exact(self.rows.places).enumerate();
         let contrast = rows.map(move |(row, contrast)| contrast[(first + per_row * row as f32) as usize]);
         contrast.filter(|contrast| *contrast > NOWHERE)
     }
 
     /// Mean contrast of a line; `None` if half of it is outside the picture.
     fn mean_contrast(&self, side: f64, line: [f64; 2]) -> Option<f32> {
-        let limited = self.contrast_along(side, line).map(|contrast| contrast.clamp(ROW_CONTRAST.0, ROW_CONTRAST.1));
+        let (least, most) = self.row_contrast;
+        let limited = self.contrast_along(side, line).map(|contrast| contrast.clamp(least, most));
         let (sum, count) = limited.fold((0.0, 0), |(sum, count), contrast| (sum + contrast, count + 1));
         (2 * count > ROWS).then(|| sum / count as f32)
     }
 
     /// The possible borders on one side (−1 or 1), the one of most contrast first.
     fn borders(&self, side: f64) -> Vec<PossibleBorder> {
-        let count = ((REACH.1 - REACH.0) / self.step) as usize;
-        let tilt = (MAX_TILT / self.step) as usize;
-        let at = |place: usize| REACH.0 + place as f64 * self.step;
+        let step = self.rows.step;
+        let count = ((REACH.1 - REACH.0) / step) as usize;
+        let tilt = (MAX_TILT / step) as usize;
+        let at = |place: usize| REACH.0 + place as f64 * step;
         let mut lines: Vec<PossibleBorder> = Vec::new();
         for first in 0..count {
             for last in first.saturating_sub(tilt)..(first + tilt).min(count) {
@@ -171,7 +258,7 @@ impl BorderRows {
     fn is_same(&self, one: &PossibleBorder, other: &PossibleBorder) -> bool {
         let both_compared = 2.0 * self.compared as f64; // the edge of one shows in the rows of the other
         let [first, last] = [0, 1].map(|end| other.at[end] - one.at[end]);
-        first.abs().min(last.abs()) < both_compared * self.step || first * last < 0.0
+        first.abs().min(last.abs()) < both_compared * self.rows.step || first * last < 0.0
     }
 
     /// Do enough rows show a step?
@@ -180,19 +267,6 @@ impl BorderRows {
             .contrast_along(side, line.at)
             .fold((0, 0), |(steps, rows), contrast| (steps + usize::from(contrast >= 1.0), rows + 1));
         steps as f64 >= MIN_SUPPORT * f64::from(rows)
-    }
-
-    /// The strip with its borders moved to these lines.
-    fn with_borders(&self, strip: &Strip, pair: &[PossibleBorder; 2]) -> Strip {
-        let [first, second] = [(-1.0, &pair[0]), (1.0, &pair[1])].map(|(side, border)| {
-            let [one, other] = [0, 1].map(|end| self.middles[end] + self.half * (side * border.at[end]));
-            let along = other - one;
-            let beside = |place: Point2<f64>| one + along * ((place - one).dot(&along) / along.norm_squared());
-            [beside(strip.entry.0), beside(strip.end.0)]
-        });
-        let middle = |i: usize| Normalised(nalgebra::center(&first[i], &second[i]));
-        let width = (second[1] - first[1]).norm();
-        Strip { borders: [first, second], entry: middle(0), end: middle(1), width, ..strip.clone() }
     }
 }
 
@@ -282,6 +356,17 @@ mod tests {
 
     /// The same where the luma changes from column to column.
     fn found_in(mat: u8, luma: impl Fn(f64, f64) -> u8, above: f64, below: f64) -> Vec<[f64; 2]> {
+        likely(mat, luma, above, below, false).into_iter().map(|(borders, _)| borders).collect()
+    }
+
+    /// The same for sharp or for smeared borders, each pair with the width of its smear, pixels.
+    fn likely(
+        mat: u8,
+        luma: impl Fn(f64, f64) -> u8,
+        above: f64,
+        below: f64,
+        is_smeared: bool,
+    ) -> Vec<([f64; 2], f64)> {
         let empty = with_frame(|_, _| mat, CellPicture::of);
         let shaft = ShaftColour::new(&[[40, 128, 128]; 50]).unwrap();
         let any = AnyColour::new([&empty]);
@@ -301,9 +386,15 @@ mod tests {
             supported_share: 1.0,
             end_step_codes: None,
         };
-        let likely = with_frame(luma, |frame| with_likely_borders(frame, &STRAIGHT, &appearance, &strip));
+        let likely = with_frame(luma, |frame| {
+            let rows = StripRows::read(frame, &STRAIGHT, &appearance, &strip);
+            if is_smeared { rows.with_smeared_borders(0.0) } else { rows.with_sharp_borders() }
+        });
         let row = |point: Point2<f64>| STRAIGHT.pixel_of(Normalised(point)).v() - MIDDLE;
-        likely.iter().map(|strip| strip.borders.map(|[_, end]| row(end))).collect()
+        likely
+            .iter()
+            .map(|likely| (likely.strip.borders.map(|[_, end]| row(end)), likely.smear * STRAIGHT.fx))
+            .collect()
     }
 
     /// Are these the shaft's borders, to the reach of the first probes?
@@ -368,6 +459,36 @@ mod tests {
         let pairs = found(200, shaded, 8.0, 8.0);
         let is_shaft = |borders: &[f64; 2]| borders.iter().all(|at| (at.abs() - 8.0).abs() < 2.0);
         assert!(pairs.iter().any(is_shaft), "{pairs:?}");
+    }
+
+    #[test]
+    fn the_borders_of_a_fast_shaft_are_in_the_middle_of_their_smear() {
+        for smear_px in [8.0, 12.0] {
+            let half = 0.5 * smear_px / HALVES[0];
+            let smeared = |_: f64, at: f64| ramp(at.abs(), 1.0 - half, 1.0 + half, (40.0, 200.0));
+            let (borders, found_px) = likely(200, smeared, 24.0, 24.0, true)[0];
+            assert!(are_the_shafts(&borders), "{borders:?}");
+            assert!((found_px - smear_px).abs() < 0.3 * smear_px, "{found_px} for {smear_px}");
+        }
+        let sharp = |_: f64, at: f64| if at.abs() < 1.0 { 40 } else { 200 };
+        let (borders, found_px) = likely(200, sharp, 24.0, 24.0, true)[0];
+        assert!(are_the_shafts(&borders) && found_px < 3.0, "{borders:?} {found_px}");
+    }
+
+    #[test]
+    fn the_width_of_a_smear_follows_from_the_contrast_over_two_distances() {
+        let step = |at: f64, width: f64| (at / width + 0.5).clamp(0.0, 1.0);
+        for width in [1.0, 4.0, 7.0, 15.0] {
+            let contrast = |places: i32| {
+                let mean = |side: f64| {
+                    let fine = (0..100 * places).map(|i| step(side * (f64::from(i) + 0.5) / 100.0, width));
+                    fine.sum::<f64>() / f64::from(100 * places)
+                };
+                mean(1.0) - mean(-1.0)
+            };
+            let found = smear_width(contrast(3) / contrast(10), [3.0, 10.0]);
+            assert!((found - width).abs() < 0.02 * width, "{found} for {width}");
+        }
     }
 
     #[test]

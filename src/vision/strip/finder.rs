@@ -5,16 +5,17 @@ use std::cell::OnceCell;
 
 use nalgebra::{Point2, Vector3};
 
+use super::borders::StripRows;
 use super::grid::{GridMap, UndistortedGrid};
 use super::search::{SearchLimits, search, width_limits};
-use super::{Strip, borders, end_step, meeting_point, outline};
+use super::{Strip, end_step, meeting_point, outline};
 use crate::vision::camera::Camera;
 use crate::vision::frame::Frame;
 use crate::vision::segmentation::background::Background;
 use crate::vision::segmentation::cells::CellPicture;
 use crate::vision::segmentation::shaft_colour::{AnyColour, ShaftColour};
 use crate::vision::segmentation::shaft_evidence::ShaftAppearance;
-use crate::vision::space::HandSide;
+use crate::vision::space::{HandSide, Pixel};
 
 /// Strips whose outline is fitted on each frame.
 const CANDIDATES: usize = 3;
@@ -64,17 +65,21 @@ impl StripFinder {
     pub fn find_trocars(&mut self, frames: &[CellPicture], min_turn: f64) {
         const TROCAR_FRAMES: usize = 20;
         let spread: Vec<GridMap> = spread(frames, TROCAR_FRAMES).map(|cells| self.evidence(cells)).collect();
-        for tool in 0..self.tools.len() {
-            let found: Vec<Vec<Strip>> = spread.iter().map(|evidence| self.strips(evidence, tool)).collect();
-            let trocar = meeting_point::find(&found, |at| self.may_be_trocar(at));
-            self.tools[tool].1 = trocar.filter(|at| meeting_point::turn(&found, *at) >= min_turn);
+        let strips = |tool: usize| spread.iter().map(|evidence| self.strips(evidence, tool)).collect();
+        let of_tools: Vec<Vec<Vec<Strip>>> = (0..self.tools.len()).map(strips).collect();
+        let points = meeting_point::of_tools(of_tools, |at| self.may_be_trocar(at));
+        for ((_, trocar), point) in self.tools.iter_mut().zip(points) {
+            *trocar = point.filter(|(_, turn)| *turn >= min_turn).map(|(at, _)| at);
         }
     }
 
-    /// Takes over the trocars that an earlier finder of the same tools knows and this one does not.
+    /// Takes over the trocars that an earlier finder of the same tools knows and this one does not, unless this one has
+    /// learned that they are another tool's.
     pub fn keep_trocars_of(&mut self, earlier: &Self) {
+        let learned: Vec<Vector3<f64>> = self.tools.iter().filter_map(|(_, trocar)| *trocar).collect();
+        let is_free = |at: &Vector3<f64>| learned.iter().all(|other| other.cross(at).norm() > meeting_point::MAX_MISS);
         for ((_, trocar), (_, known)) in self.tools.iter_mut().zip(&earlier.tools) {
-            *trocar = trocar.or(*known);
+            *trocar = trocar.or(known.filter(is_free));
         }
     }
 
@@ -146,6 +151,11 @@ impl<'a> FrameStrips<'a> {
         }
     }
 
+    /// May every frame be searched for the tool? A recording waits for a search, and with a known trocar it is short.
+    pub fn may_search_always(&self, tool: usize) -> bool {
+        self.turn == SearchTurn::All && self.is_trocar_known(tool)
+    }
+
     /// Is the point through which the tool's strips pass known? A search without it takes ten times as long.
     pub fn is_trocar_known(&self, tool: usize) -> bool {
         self.finder.tools[tool].1.is_some()
@@ -158,9 +168,26 @@ impl<'a> FrameStrips<'a> {
         shaft.log_density(codes) > any.log_density(codes)
     }
 
-    /// The strip with each likely pair of borders, the likeliest first.
-    pub fn with_likely_borders(&self, camera: &Camera, strip: &Strip) -> Vec<Strip> {
-        borders::with_likely_borders(self.frame, camera, &self.finder.appearance, strip)
+    /// Does the frame show the box without tools about a pixel? `None` outside the picture.
+    pub fn shows_box(&self, at: Pixel) -> Option<bool> {
+        let background = &self.finder.appearance.background;
+        let half = 0.5 * background.cell_px() as f64;
+        let [left, top, right, bottom] = [at.u() - half, at.v() - half, at.u() + half, at.v() + half];
+        if left < 0.0 || top < 0.0 || right >= self.frame.width() as f64 || bottom >= self.frame.height() as f64 {
+            return None;
+        }
+        let rows = top as usize..=bottom as usize;
+        let pixels = rows.flat_map(|y| (left as usize..=right as usize).map(move |x| (x, y)));
+        let (count, sum) = pixels.fold((0.0f32, [0.0f32; 3]), |(count, sum), (x, y)| {
+            let codes = self.frame.yuv_at(x, y).map(f32::from);
+            (count + 1.0, std::array::from_fn(|part| sum[part] + codes[part]))
+        });
+        Some(background.may_show([at.u() as usize, at.v() as usize], sum.map(|sum| sum / count)))
+    }
+
+    /// Rows across a strip.
+    pub fn rows_across<'b>(&'b self, camera: &Camera, strip: &'b Strip) -> StripRows<'b> {
+        StripRows::read(self.frame, camera, &self.finder.appearance, strip)
     }
 
     /// The strips that may be a tool, the best first.
@@ -196,21 +223,8 @@ mod tests {
         StripFinder::learn(&STRAIGHT, shaft, &tools, &[frame], None).unwrap()
     }
 
-    #[test]
-    fn trocars_stay_known_until_others_are_found() {
-        let [before, after] = [Vector3::x(), Vector3::y()];
-        let (mut known, mut learned) = (finder(), finder());
-        known.tools[0].1 = Some(before);
-        known.tools[1].1 = Some(before);
-        learned.tools[1].1 = Some(after);
-        learned.keep_trocars_of(&known);
-        assert_eq!([learned.tools[0].1, learned.tools[1].1], [Some(before), Some(after)]);
-    }
-
-    #[test]
-    fn only_tools_without_a_known_trocar_wait_for_their_turn() {
-        let mut finder = finder();
-        finder.tools[0].1 = Some(Vector3::x());
+    /// Calls `with` on an even frame.
+    fn with_frame<T>(with: impl Fn(&Frame<'_>) -> T) -> T {
         let samples = [150; 16];
         let plane = Plane { data: &samples, stride: 4, width: 4, height: 4 };
         let frame = Frame {
@@ -224,7 +238,41 @@ mod tests {
             chroma_first_px: [0.0; 2],
             encoding: ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 },
         };
-        let turns = |turn| [0, 1].map(|tool| FrameStrips::new(&finder, &frame, turn).is_turn_of(tool));
+        with(&frame)
+    }
+
+    #[test]
+    fn trocars_stay_known_until_others_are_found() {
+        let [left, right, after] = [Vector3::x(), Vector3::z(), Vector3::y()];
+        let (mut known, mut learned) = (finder(), finder());
+        known.tools[0].1 = Some(left);
+        known.tools[1].1 = Some(right);
+        learned.tools[1].1 = Some(after);
+        learned.keep_trocars_of(&known);
+        assert_eq!([learned.tools[0].1, learned.tools[1].1], [Some(left), Some(after)]);
+        let mut learned = finder();
+        learned.tools[1].1 = Some(left);
+        learned.keep_trocars_of(&known);
+        assert_eq!(learned.tools[0].1, None, "it was the other tool's");
+    }
+
+    #[test]
+    fn a_recording_is_always_searched_for_a_tool_with_a_known_trocar() {
+        let mut finder = finder();
+        finder.tools[0].1 = Some(Vector3::x());
+        let may = |turn| {
+            with_frame(|frame| [0, 1].map(|tool| FrameStrips::new(&finder, frame, turn).may_search_always(tool)))
+        };
+        assert_eq!(may(SearchTurn::All), [true, false]);
+        assert_eq!(may(SearchTurn::One(0)), [false, false]);
+    }
+
+    #[test]
+    fn only_tools_without_a_known_trocar_wait_for_their_turn() {
+        let mut finder = finder();
+        finder.tools[0].1 = Some(Vector3::x());
+        let turns =
+            |turn| with_frame(|frame| [0, 1].map(|tool| FrameStrips::new(&finder, frame, turn).is_turn_of(tool)));
         assert_eq!(turns(SearchTurn::All), [None, None]);
         assert_eq!(turns(SearchTurn::One(0)), [None, Some(false)]);
         assert_eq!(turns(SearchTurn::One(1)), [None, Some(true)]);

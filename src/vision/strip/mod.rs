@@ -68,6 +68,12 @@ impl Strip {
     pub fn plane(&self) -> Vector3<f64> {
         plane_through(self.entry, self.end)
     }
+
+    /// Are both of one thing: is the line of one within the other?
+    pub fn is_same_as(&self, other: &Self) -> bool {
+        let apart = self.plane().cross(&other.plane()).norm();
+        apart < 0.5 * self.width.max(other.width)
+    }
 }
 
 /// Unit normal of the plane through the camera and two points.

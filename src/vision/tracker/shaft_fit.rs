@@ -9,8 +9,9 @@ use super::refine::PassFit;
 use super::trace::FitRecorder;
 use crate::vision::camera::Camera;
 use crate::vision::edges::outline_probes::OutlinePoint;
+use crate::vision::edges::shaft_colour_end;
 use crate::vision::edges::shaft_end::{self, ShaftEnd};
-use crate::vision::edges::shaft_rows;
+use crate::vision::edges::shaft_rows::{self, ShaftRow};
 use crate::vision::pose::joint_fit::{END_OFFSET_PX, MeasuredEdge};
 use crate::vision::reason::MissReason;
 use crate::vision::space::{CameraPoint, Pixel};
@@ -50,11 +51,41 @@ impl BandFit<'_> {
     ) -> Result<PassFit, ShaftMiss> {
         let fit = match self.fit_passes(start, length_mm, passes, recorder) {
             Ok(fit) if self.shows_rim(&fit) && self.is_rim_of_tube(&fit.estimate.tube) => Ok(fit),
-            Ok(fit) => self.fit_full_width(&fit.estimate.tube, length_mm, recorder),
-            Err(MissReason::TipHidden) => self.fit_full_width(start, length_mm, recorder),
+            Ok(fit) => self.fit_end(&fit.estimate.tube, length_mm, recorder),
+            Err(MissReason::TipHidden) => self.fit_end(start, length_mm, recorder),
             Err(reason) => Err(reason.into()),
         };
-        fit.and_then(|fit| if self.shows_borders(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })
+        let fit =
+            fit.and_then(|fit| if self.shows_borders(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })?;
+        let tube = fit.estimate.tube;
+        if self.is_end_covered(&tube) {
+            return Err(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) });
+        }
+        Ok(fit)
+    }
+
+    /// Does a thing lie across the end? It is wider than the tool: beside the place ahead of the end, the box hardly shows
+    /// on either side.
+    fn is_end_covered(&self, tube: &Tube) -> bool {
+        /// Places ahead of the end, diameters: on the hinge, before jaws that may be open.
+        const AHEAD_DIAMETERS: [f64; 3] = [0.1, 0.3, 0.5];
+        /// Distances from the axis, radii.
+        const BESIDE_RADII: [f64; 2] = [1.5, 1.9];
+        /// Least number of places in the picture that decide.
+        const MIN_PLACES: usize = 6;
+        let (Some(strips), Some(outline)) = (self.scene.strips, tube.outline()) else { return false };
+        let mut seen: Vec<bool> = Vec::new();
+        for diameters in AHEAD_DIAMETERS {
+            let back_mm = -diameters * self.spec.diameter_mm;
+            let [one, other] =
+                BorderSide::BOTH.map(|side| self.camera().project(CameraPoint(outline.border(side, back_mm))));
+            let (Some(one), Some(other)) = (one, other) else { continue };
+            let (middle, half) = (nalgebra::center(&one.0, &other.0), (one.0 - other.0) * 0.5);
+            let beside = BESIDE_RADII.into_iter().flat_map(|radii| [middle + half * radii, middle - half * radii]);
+            seen.extend(beside.filter_map(|at| strips.shows_box(Pixel(at))));
+        }
+        let shown = seen.iter().filter(|shows| **shows).count();
+        seen.len() >= MIN_PLACES && 3 * shown < seen.len()
     }
 
     /// Do enough edges confirm each border? They may lie farther from it the more they are smeared.
@@ -75,26 +106,69 @@ impl BandFit<'_> {
         on_rim >= MIN_SHARE * fit.found.visible[rim]
     }
 
-    /// Is the rim that of the tube, not of its collar? A collar has a rim, too, so the end of the full width must not
-    /// contradict.
+    /// Is the rim that of the tube? A collar has a rim, too, so neither the end of the full width nor that of the colour
+    /// may contradict. The colour may also be that of a black collar.
     fn is_rim_of_tube(&self, tube: &Tube) -> bool {
-        /// Largest distance of both ends, diameters: a collar is longer.
-        const MAX_APART_DIAMETERS: f64 = 0.4;
-        let is_near = |end: ShaftEnd| end.back_mm.abs() < MAX_APART_DIAMETERS * self.spec.diameter_mm;
-        self.spec.collar_mm() == 0.0 || self.locate_end(tube).is_none_or(is_near)
+        let Some(rows) = self.rows_across(tube) else { return false };
+        let is_colours = |back_mm: f64| self.is_near(back_mm) || self.is_near(back_mm + self.spec.collar_mm());
+        self.locate_end(&rows).is_none_or(|end| self.is_near(end.back_mm))
+            && self.locate_colour_end(&rows).is_none_or(is_colours)
     }
 
-    /// Fits a tube that ends where its full width does, less its collar. Before the end is sought, the tube is moved to
-    /// its borders, if enough of them shows: only there are its rows those of the shaft.
-    fn fit_full_width(&self, start: &Tube, length_mm: f64, recorder: &mut FitRecorder) -> Result<PassFit, ShaftMiss> {
+    /// Is this distance of two ends less than a collar's length?
+    fn is_near(&self, back_mm: f64) -> bool {
+        const MAX_APART_DIAMETERS: f64 = 0.4;
+        back_mm.abs() < MAX_APART_DIAMETERS * self.spec.diameter_mm
+    }
+
+    /// Fits a tube whose end is not where the start assumes it. The tube is first moved to its borders, if enough of
+    /// them shows: only there are its rows those of the shaft.
+    fn fit_end(&self, start: &Tube, length_mm: f64, recorder: &mut FitRecorder) -> Result<PassFit, ShaftMiss> {
         let moved = self.fit_axis(start, length_mm, FINE_PASSES, recorder).map(|(tube, _)| tube);
-        let mut tube = moved.unwrap_or(*start);
+        let tube = moved.unwrap_or(*start);
+        let rows = self.rows_across(&tube).unwrap_or_default();
+        if let Some(fit) = self.fit_colour_end(tube, &rows, length_mm, recorder) {
+            return Ok(fit);
+        }
+        let hidden = match moved {
+            Some(tube) => ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) },
+            None => MissReason::BordersNotFound.into(),
+        };
+        let end = self.locate_end(&rows).ok_or(hidden)?;
+        self.fit_full_width(tube, end, length_mm, recorder)
+    }
+
+    /// Fits a tube whose rim is where its colour ends. The fitted tube must show that end, too. The colour may be that
+    /// of a black collar, so with a collar the end of the full width must agree.
+    fn fit_colour_end(
+        &self,
+        mut tube: Tube,
+        rows: &[ShaftRow],
+        length_mm: f64,
+        recorder: &mut FitRecorder,
+    ) -> Option<PassFit> {
+        tube.tip -= tube.axis * self.locate_colour_end(rows)?;
+        let fit = self.fit_passes(&tube, length_mm, FINE_PASSES, recorder).ok()?;
+        let rows = self.rows_across(&fit.estimate.tube)?;
+        let full_width = self.locate_end(&rows);
+        let agrees = full_width.map_or(self.spec.collar_mm() == 0.0, |end| self.is_near(end.back_mm));
+        let is_end = agrees && self.locate_colour_end(&rows).is_some_and(|back_mm| self.is_near(back_mm));
+        (is_end && self.shows_rim(&fit)).then_some(fit)
+    }
+
+    /// Fits a tube that ends where its full width does, less its collar.
+    fn fit_full_width(
+        &self,
+        mut tube: Tube,
+        first: ShaftEnd,
+        length_mm: f64,
+        recorder: &mut FitRecorder,
+    ) -> Result<PassFit, ShaftMiss> {
+        let mut first = Some(first);
         let mut last = Err(MissReason::TipHidden.into());
         for pass in FINE_PASSES {
-            let end = self.locate_end(&tube).ok_or_else(|| match moved {
-                Some(_) => ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) },
-                None => MissReason::BordersNotFound.into(),
-            })?;
+            let located = first.take().or_else(|| self.locate_end(&self.rows_across(&tube)?));
+            let end = located.ok_or(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) })?;
             tube.tip -= tube.axis * end.back_mm;
             let mut found = self.edges_along(&tube, length_mm, *pass, recorder)?;
             self.use_end(&tube, &end, &mut found).ok_or(MissReason::PoorFit)?;
@@ -105,12 +179,20 @@ impl BandFit<'_> {
         last
     }
 
-    fn locate_end(&self, tube: &Tube) -> Option<ShaftEnd> {
+    /// Rows across a tube.
+    fn rows_across(&self, tube: &Tube) -> Option<Vec<ShaftRow>> {
         let outline = tube.outline()?;
         let step_px = (2.0 * tube.radius * self.px_per_mm_across(tube) / ROWS_PER_WIDTH).clamp(ROWS_PX.0, ROWS_PX.1);
         let is_visible = |place, at| self.scene.is_visible(place, at);
-        let rows = shaft_rows::read(self.scene.frame, self.camera(), &outline, ROWS_MM, step_px, is_visible);
-        shaft_end::locate(self.edges, &rows, self.spec.diameter_mm, self.spec.collar_mm())
+        Some(shaft_rows::read(self.scene.frame, self.camera(), &outline, ROWS_MM, step_px, is_visible))
+    }
+
+    fn locate_end(&self, rows: &[ShaftRow]) -> Option<ShaftEnd> {
+        shaft_end::locate(self.edges, rows, self.spec.diameter_mm, self.spec.collar_mm())
+    }
+
+    fn locate_colour_end(&self, rows: &[ShaftRow]) -> Option<f64> {
+        shaft_colour_end::locate(rows, self.spec.diameter_mm)
     }
 
     /// Replaces the edges of a tube's rim by the end of its full width, where the tube's tip is.
@@ -153,10 +235,18 @@ fn count_near(edges: &[MeasuredEdge], part: OutlinePart, outline: &Outline, came
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Point3, Vector3};
+    use nalgebra::{Point2, Point3, Vector3};
 
     use super::*;
     use crate::vision::camera::testing::STRAIGHT as CAMERA;
+    use crate::vision::frame::{Frame, Plane};
+    use crate::vision::segmentation::cells::CellPicture;
+    use crate::vision::segmentation::shaft_colour::ShaftColour;
+    use crate::vision::strip::finder::{BareTool, FrameStrips, SearchTurn, StripFinder};
+    use crate::vision::tracker::frame_context::FrameContext;
+    use crate::vision::tracker::predict::Prediction;
+    use crate::vision::tracker::testing::{ENCODING, two_bare_tools};
+    use crate::vision::tracker::{Tracker, TrackerSettings};
 
     /// Edges on both borders of a tube at these distances behind its tip.
     fn border_edges(tube: &Tube, backs_mm: &[f64]) -> Vec<MeasuredEdge> {
@@ -168,6 +258,47 @@ mod tests {
             MeasuredEdge::new(OutlinePoint::Border { side, back_mm }, at, outward, 0.1, &CAMERA).unwrap()
         };
         BorderSide::BOTH.into_iter().flat_map(|side| backs_mm.iter().map(move |back| edge(side, *back))).collect()
+    }
+
+    /// A frame of the camera's size with these codes of luma and of chroma.
+    fn frame_of<'a>([luma, chroma]: [&'a [u8]; 2]) -> Frame<'a> {
+        let (width, height) = (CAMERA.width as usize, CAMERA.height as usize);
+        let [y, u, v] = [luma, chroma, chroma].map(|data| Plane { data, stride: width, width, height });
+        let (index, time_s, shift_x, shift_y, chroma_first_px, encoding) = (0, 0.0, 0, 0, [0.0; 2], ENCODING);
+        Frame { index, time_s, y, u, v, shift_x, shift_y, chroma_first_px, encoding }
+    }
+
+    /// Is the end of a tube before an even mat covered, if a ring of this radius (mm) lies about it?
+    fn is_covered_by_ring(radius_mm: f64) -> bool {
+        let tube = Tube { tip: Point3::new(0.0, 0.0, 150.0), axis: Vector3::x(), radius: 2.5 };
+        let tip_px = CAMERA.project(CameraPoint(tube.tip)).unwrap().0;
+        let radius_px = radius_mm * CAMERA.fx / tube.tip.z;
+        let (width, height) = (CAMERA.width as usize, CAMERA.height as usize);
+        let luma = |i: usize| {
+            let at = Point2::new((i % width) as f64, (i / width) as f64);
+            if nalgebra::distance(&at, &tip_px) < radius_px { 220 } else { 150 }
+        };
+        let empty = vec![150; width * height];
+        let luma: Vec<u8> = (0..width * height).map(luma).collect();
+        let grey = vec![128; width * height];
+        let shaft = ShaftColour::new(&[[30, 128, 128]]).unwrap();
+        let tools = [BareTool { side: None, diameter_mm: 5.0 }];
+        let finder =
+            StripFinder::learn(&CAMERA, shaft, &tools, &[CellPicture::of(&frame_of([&empty, &grey]))], None).unwrap();
+        let frame = frame_of([&luma, &grey]);
+        let strips = FrameStrips::new(&finder, &frame, SearchTurn::All);
+        let settings = TrackerSettings { camera: CAMERA, ..two_bare_tools() };
+        let tracker = Tracker::new(settings, CAMERA.width, CAMERA.height, ENCODING).unwrap();
+        let (table, settings) = (&tracker.table, &tracker.settings);
+        let scene =
+            FrameContext { frame: &frame, segment: table, table, settings, strips: Some(&strips), obstacles: &[] };
+        tracker.tools[0].band_fit(&scene, &Prediction::default()).is_end_covered(&tube)
+    }
+
+    #[test]
+    fn a_thing_wider_than_the_tool_covers_its_end() {
+        assert!(is_covered_by_ring(8.0));
+        assert!(!is_covered_by_ring(2.5), "no wider than the tool");
     }
 
     #[test]

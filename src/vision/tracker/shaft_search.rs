@@ -14,6 +14,7 @@ use crate::vision::pose::tangent_planes;
 use crate::vision::reason::MissReason;
 use crate::vision::space::CameraPoint;
 use crate::vision::strip::Strip;
+use crate::vision::strip::borders::LikelyStrip;
 use crate::vision::strip::finder::FrameStrips;
 use crate::vision::tube::{BorderSide, Tube};
 
@@ -21,7 +22,8 @@ use crate::vision::tube::{BorderSide, Tube};
 /// and a bent shaft count more the longer it is.
 pub const MEASURED_SHAFT_MM: f64 = 60.0;
 
-/// Searches of the whole picture for a shaft that is not found. They take so long that not every frame is searched.
+/// Searches of the whole picture for a shaft that is not found. They take so long that not every frame is searched,
+/// except in recordings where the trocar is known ([`FrameStrips::may_search_always`]).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ShaftSearch {
     /// Searches without success since the last one with it.
@@ -69,6 +71,7 @@ impl ToolTracker {
         let pausing = match strips.is_turn_of(bare) {
             Some(true) => None,
             Some(false) => Some(self.shaft_search.last_reason()),
+            None if strips.may_search_always(bare) => None,
             None => self.shaft_search.pausing(),
         };
         if let Some(reason) = pausing {
@@ -106,21 +109,37 @@ impl ToolTracker {
 
 impl BandFit<'_> {
     /// Measures the shaft of a strip: the first of its likely pairs of borders that is a tube's. Whether its end shows
-    /// does not choose among them.
+    /// does not choose among them. Smeared borders are sought where no sharp ones are a tube's.
     fn measure_strip(
         &self,
         strips: &FrameStrips<'_>,
         strip: &Strip,
         recorder: &mut FitRecorder,
     ) -> Result<Measurement, MissReason> {
+        /// Least smear that shows motion, pixels: a sharp border may seem to have less.
+        const MIN_SMEAR_PX: f64 = 3.0;
+        let rows = strips.rows_across(self.camera(), strip);
+        let smeared = std::iter::once_with(|| rows.with_smeared_borders(MIN_SMEAR_PX / self.camera().fx)).flatten();
         let mut reason = MissReason::BordersNotFound;
-        for borders in strips.with_likely_borders(self.camera(), strip) {
-            match self.measure_between_borders(&borders, recorder) {
+        for likely in rows.with_sharp_borders().into_iter().chain(smeared) {
+            match self.smeared_by(&likely).measure_between_borders(&likely.strip, recorder) {
                 Err(other) if other != MissReason::TipHidden => reason = reason.max(other),
                 decided => return decided,
             }
         }
         Err(reason)
+    }
+
+    /// The same fit for a tool whose motion has smeared the borders of its strip, if it has. The motion across the strip
+    /// is that of the smear. Its sign does not matter.
+    fn smeared_by(&self, likely: &LikelyStrip) -> BandFit<'_> {
+        let along = likely.strip.end.0 - likely.strip.entry.0;
+        let across = Vector2::new(-along.y, along.x).try_normalize(1e-9).filter(|_| likely.smear > 0.0);
+        let motion_px_s = across.map_or(self.motion_px_s, |across| {
+            let moved_px = likely.smear * self.camera().fx;
+            self.motion_px_s + across * (moved_px / self.edges.exposure_s - self.motion_px_s.dot(&across))
+        });
+        BandFit { motion_px_s, ..*self }
     }
 
     /// Measures the shaft between the borders of a strip.

@@ -1,0 +1,184 @@
+//! Finds where the colour of a bare shaft ends along its axis, all across it: where black turns to steel (METHOD 3.6).
+//!
+//! **In** the colours in rows across the shaft. **Out** the distance of that place behind the assumed tip. **Method** A
+//! lit tube changes little along its axis, so a clear step of the colour in the middle of three stripes is another
+//! surface. **Gives up** without borders or with other colours behind the place, and if the shaft continues ahead of it,
+//! as it does beyond a thing that lies across it.
+
+use super::shaft_rows::{Codes, ShaftRow, distance, mean_codes, median_distance, stripes};
+
+/// Length of the pieces behind and ahead of a step that are compared, diameters.
+const PIECE_DIAMETERS: f64 = 0.5;
+/// Least step, codes: five times the spread along a lit tube.
+const CLEAR_CODES: f64 = 30.0;
+/// The greatest step within this distance is one, diameters.
+const NEAR_DIAMETERS: f64 = 0.25;
+/// Lengths of the shaft behind the place that must have borders, diameters, and the least share of them that must. One
+/// is longer than jaws and one is shorter, so that black jaws do not pass for a shaft.
+const LONG_DIAMETERS: [f64; 2] = [2.0, 6.0];
+const MIN_LONG_SHARE: f64 = 0.8;
+/// Least distance of the colours on both sides of a border, codes.
+const MIN_BORDER_CODES: f64 = 12.0;
+/// Where the shaft must look as it does next to the place, diameters behind it, and the largest difference, as a share
+/// of the step.
+const ALIKE_DIAMETERS: [f64; 2] = [2.0, 5.0];
+const MAX_UNLIKE_SHARE: f64 = 0.5;
+/// Length ahead of the place where the shaft's colour may show again, mm: jaws have it in places.
+const MAX_RESUMED_MM: f64 = 10.0;
+/// Least number of rows of a piece.
+const MIN_ROWS: usize = 3;
+
+/// The distance behind the assumed tip where the shaft's colour ends, mm; negative ahead of it.
+pub fn locate(rows: &[ShaftRow], diameter_mm: f64) -> Option<f64> {
+    let step_mm = rows.first()?.back_mm - rows.get(1)?.back_mm;
+    let finder = ColourEnds { rows, step_mm, diameter_mm };
+    let steps: Vec<f64> = (0..rows.len()).map(|row| finder.step_at(row).unwrap_or(0.0)).collect();
+    let near = finder.count(NEAR_DIAMETERS);
+    let is_greatest = |row: usize| {
+        let around = row.saturating_sub(near)..(row + near + 1).min(steps.len());
+        around.into_iter().all(|other| steps[other] <= steps[row])
+    };
+    let clear = (0..rows.len()).filter(|row| steps[*row] > CLEAR_CODES && is_greatest(*row));
+    let mut ends = clear.filter(|row| finder.is_end(*row, steps[*row]));
+    ends.next().map(|row| rows[row].back_mm)
+}
+
+struct ColourEnds<'a> {
+    rows: &'a [ShaftRow],
+    step_mm: f64,
+    diameter_mm: f64,
+}
+
+impl ColourEnds<'_> {
+    /// Number of rows of a length.
+    fn count(&self, diameters: f64) -> usize {
+        ((diameters * self.diameter_mm / self.step_mm) as usize).max(MIN_ROWS)
+    }
+
+    /// Step of the colour at a row, codes: the median of three stripes.
+    fn step_at(&self, row: usize) -> Option<f64> {
+        let piece = self.count(PIECE_DIAMETERS);
+        let behind = stripes(self.rows.get(row.checked_sub(piece)?..row)?)?;
+        let ahead = stripes(self.rows.get(row + 1..row + 1 + piece)?)?;
+        Some(median_distance(&behind, &ahead))
+    }
+
+    fn is_end(&self, row: usize, step_codes: f64) -> bool {
+        self.is_shaft_behind(row, step_codes).unwrap_or(false) && !self.resumes(row).unwrap_or(true)
+    }
+
+    /// Does the shaft reach far behind a row, with borders and in one colour?
+    fn is_shaft_behind(&self, row: usize, step_codes: f64) -> Option<bool> {
+        let has_borders = (0..2).all(|side| self.has_border_behind(side, row));
+        let next = stripes(&self.rows[row - self.count(PIECE_DIAMETERS)..row])?;
+        let [from, to] = ALIKE_DIAMETERS.map(|diameters| row.saturating_sub(self.count(diameters)));
+        let far = stripes(&self.rows[to..from])?;
+        Some(has_borders && median_distance(&next, &far) < MAX_UNLIKE_SHARE * step_codes)
+    }
+
+    /// Does the border of this side reach far behind a row, darker or brighter than what lies outside, like the shaft?
+    fn has_border_behind(&self, side: usize, row: usize) -> bool {
+        let [from, to] = ALIKE_DIAMETERS.map(|diameters| row.saturating_sub(self.count(diameters)));
+        let codes = |rows: &[ShaftRow]| rows.iter().filter_map(|row| row.borders[side]).collect::<Vec<_>>();
+        let far = codes(&self.rows[to..from]);
+        let Some(shaft) = mean_codes(far.iter().map(|[inside, _]| *inside)) else { return false };
+        LONG_DIAMETERS.into_iter().all(|diameters| {
+            let seen = codes(&self.rows[row.saturating_sub(self.count(diameters))..row]);
+            let is_edge = |[inside, outside]: &&[Codes; 2]| {
+                distance(*inside, *outside) > MIN_BORDER_CODES && distance(*inside, shaft) < distance(*outside, shaft)
+            };
+            !seen.is_empty() && seen.iter().filter(is_edge).count() as f64 >= MIN_LONG_SHARE * seen.len() as f64
+        })
+    }
+
+    /// Is more of the shaft ahead of a row? `None` if too few rows show it.
+    fn resumes(&self, row: usize) -> Option<bool> {
+        let piece = self.count(PIECE_DIAMETERS);
+        let ahead_mm = (self.rows.len() - row - 1) as f64 * self.step_mm;
+        if ahead_mm < MAX_RESUMED_MM + PIECE_DIAMETERS * self.diameter_mm {
+            return None;
+        }
+        let behind = stripes(&self.rows[row - piece..row])?;
+        let ahead = stripes(&self.rows[row + 1..row + 1 + piece])?;
+        let is_shaft = |row: &&ShaftRow| {
+            let nearer = (0..3).filter(|stripe| {
+                let codes = row.inside[*stripe];
+                codes.is_some_and(|codes| distance(codes, behind[*stripe]) < distance(codes, ahead[*stripe]))
+            });
+            nearer.count() >= 2
+        };
+        let resumed = self.rows[row + 1 + piece..].iter().filter(is_shaft).count();
+        Some(resumed as f64 * self.step_mm > MAX_RESUMED_MM)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DIAMETER_MM: f64 = 5.0;
+    const STEP_MM: f64 = 0.4;
+    /// Codes of the shaft, of steel and of the board.
+    const BLACK: f64 = 60.0;
+    const STEEL: f64 = 130.0;
+    const BOARD: f64 = 180.0;
+
+    /// Rows of a tool; `luma` is that of both limbs and of the three stripes at a distance ahead of the tube's end, mm.
+    fn rows(luma: impl Fn(f64) -> ([f64; 2], [f64; 3])) -> Vec<ShaftRow> {
+        let grey = |luma: f64| [luma, 128.0, 128.0];
+        let row = |i: i32| {
+            let back_mm = 70.0 - STEP_MM * f64::from(i);
+            let (limbs, stripes) = luma(-back_mm);
+            ShaftRow {
+                back_mm,
+                borders: limbs.map(|limb| Some([grey(limb), grey(BOARD)])),
+                inside: stripes.map(|stripe| Some(grey(stripe))),
+            }
+        };
+        (0..262).map(row).collect()
+    }
+
+    /// One luma all across.
+    fn even(luma: f64) -> ([f64; 2], [f64; 3]) {
+        ([luma; 2], [luma; 3])
+    }
+
+    fn is_at(found: Option<f64>, back_mm: f64) -> bool {
+        found.is_some_and(|found| (found - back_mm).abs() <= STEP_MM)
+    }
+
+    #[test]
+    fn a_tube_ends_at_its_steel_collar_whose_limb_may_be_as_dark() {
+        let luma = |ahead: f64| match ahead {
+            ..0.0 => even(BLACK),
+            0.0..8.0 => ([BLACK + 5.0, STEEL], [STEEL - 30.0, 235.0, STEEL]),
+            _ => even(BOARD),
+        };
+        let found = locate(&rows(luma), DIAMETER_MM);
+        assert!(is_at(found, 0.0), "{found:?}");
+    }
+
+    #[test]
+    fn gloss_that_changes_slowly_ends_nothing() {
+        let luma = |ahead: f64| even(BLACK + 1.2 * (ahead + 70.0));
+        assert_eq!(locate(&rows(luma), DIAMETER_MM), None);
+    }
+
+    #[test]
+    fn a_shaft_does_not_end_where_a_thing_lies_across_it() {
+        for (from, to) in [(-20.0, -12.0), (26.0, 30.0)] {
+            let luma = |ahead: f64| if (from..to).contains(&ahead) { even(STEEL) } else { even(BLACK) };
+            assert_eq!(locate(&rows(luma), DIAMETER_MM), None, "from {from} to {to} mm");
+        }
+    }
+
+    #[test]
+    fn black_jaws_that_hold_a_ring_are_no_shaft() {
+        let luma = |ahead: f64| match ahead {
+            ..0.0 => even(BLACK),
+            0.0..17.0 => ([BOARD - 3.0; 2], [BLACK; 3]),
+            _ => even(STEEL),
+        };
+        assert_eq!(locate(&rows(luma), DIAMETER_MM), None);
+    }
+}
