@@ -12,6 +12,7 @@ WORKDIR /source
 COPY Cargo.toml Cargo.lock ./
 COPY migrations migrations
 COPY static static
+COPY measurement measurement
 COPY src src
 RUN cargo build --release --locked
 

@@ -45,10 +45,10 @@ test: export TROCAR_SKIPS = $(abspath $(TARGET))/skipped.txt
 test: test-packages ## run every check that a change must pass
 	rm -f $(TROCAR_SKIPS)
 	cargo fetch --locked # the packages of all platforms: the licence check reads them without the network
-	cargo fmt --check
-	cargo clippy --locked --all-targets -- -D warnings
-	cargo test --locked
-	RUSTDOCFLAGS='-D warnings' cargo doc --locked --no-deps --document-private-items
+	cargo fmt --all --check
+	cargo clippy --locked --workspace --all-targets -- -D warnings
+	cargo test --locked --workspace
+	RUSTDOCFLAGS='-D warnings' cargo doc --locked --workspace --no-deps --document-private-items
 	$(MAKE) page-check
 	$(MAKE) browser-test
 	$(MAKE) fuzz-short

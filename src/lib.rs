@@ -16,7 +16,7 @@
 //!
 //! | layer | modules | must not name |
 //! |---|---|---|
-//! | 0 base | [`time`] [`ids`] [`shutdown`] [`heap`] [`random`] | any other module of this crate |
+//! | 0 base | [`time`] [`ids`] [`shutdown`] [`heap`] [`random`] | any other module |
 //! | 1 pure | [`numbers`] ← [`vision`] ← [`motion`] ← [`statistics`]; [`simulation`]; [`checks`] | tokio, axum, sqlx, ffmpeg, `std::{fs, net, env, thread}`, the clock, `serde_json` and other formats |
 //! | 2 domain | [`domain`] | tokio, axum, sqlx, ffmpeg, files, network |
 //! | 3 adapters | [`media`] [`store`] [`vault`] [`sandbox`] | axum, each other; sqlx only in `store`, ffmpeg only in `media` |
@@ -25,6 +25,9 @@
 //!
 //! An arrow reads *is used by*. `simulation` uses only `vision`'s camera, space, frame and sample types, and `checks`
 //! may use all pure modules.
+//!
+//! The pure layer and [`random`] are a crate of their own, [`measurement`], for two reasons: it cannot name the rest, and
+//! development builds optimise its loops without optimising the rest. This crate re-exports its modules.
 //!
 //! # Invariants
 //! docs/architecture.md explains them, under the same numbers.
@@ -47,16 +50,10 @@
 
 pub mod heap;
 pub mod ids;
-pub mod random;
 pub mod shutdown;
 pub mod time;
 
-pub mod checks;
-pub mod motion;
-pub mod numbers;
-pub mod simulation;
-pub mod statistics;
-pub mod vision;
+pub use measurement::{checks, motion, numbers, random, simulation, statistics, vision};
 
 pub mod domain;
 
@@ -82,3 +79,9 @@ pub mod settings;
 #[cfg(test)]
 #[path = "../tests/integration/resources.rs"]
 mod resources;
+#[cfg(test)]
+#[path = "../measurement/src/vision/tracker/testing.rs"]
+mod small_box;
+#[cfg(test)]
+#[path = "../measurement/src/vision/camera/testing.rs"]
+mod test_cameras;

@@ -2,7 +2,7 @@
 
 Each feature of the tracked path, with its error bar, is compared with the same feature of the true path, which knows nothing of
 the track: a tool counts as observed on each frame with at least VISIBLE of its band in view. The size of the errors was fitted on other
-scenes (`src/motion/features`), with none of these seeds.
+scenes (`measurement/src/motion/features`), with none of these seeds.
 """
 import csv
 import json

@@ -1,4 +1,7 @@
-"""The outline of a band of tape in the camera picture, and its motion with the tube's pose (METHOD 4, `src/vision/tube.rs`)."""
+"""The outline of a band of tape in the camera picture, and its motion with the tube's pose.
+
+METHOD 4, `measurement/src/vision/tube.rs`.
+"""
 import numpy as np
 
 JAWS_MM = 30.0

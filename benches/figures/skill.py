@@ -1,8 +1,8 @@
 """Checks the model of skill on people it has not seen. The people are simulated, of three levels, rendered and tracked.
 
 Each person has individual skill: the figures of their level, each multiplied by a factor that only the simulator knows
-(`src/simulation/skill.rs`). The model gets only features and declared levels. A second test shuffles the levels between people;
-then the model must report that it knows nothing.
+(`measurement/src/simulation/skill.rs`). The model gets only features and declared levels. A second test shuffles the levels
+between people; then the model must report that it knows nothing.
 """
 import csv
 import json

@@ -139,7 +139,7 @@ fn folds_back(camera: &Camera) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vision::camera::testing::{STRAIGHT, wide};
+    use crate::test_cameras::{STRAIGHT, wide};
 
     /// The camera of a picture that shows a part of another's: the columns and rows from `left` and `top` on.
     fn cropped(of: Camera, [left, top]: [u32; 2], [width, height]: [u32; 2]) -> Camera {

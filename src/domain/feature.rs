@@ -1,7 +1,6 @@
 //! The list of features, and the key that identifies one feature of a session.
 
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::session::{FeatureRow, FeatureSpace};
@@ -42,20 +41,6 @@ impl From<&FeatureRow> for StoredFeatureKey {
 impl PartialEq<FeatureKey> for StoredFeatureKey {
     fn eq(&self, key: &FeatureKey) -> bool {
         self.feature == key.feature.name && self.tool == key.tool && self.space == key.space
-    }
-}
-
-/// Written as its name.
-impl Serialize for Feature {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name)
-    }
-}
-
-/// Read by its name.
-impl<'de> Deserialize<'de> for &'static Feature {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        features::find(&String::deserialize(deserializer)?).map_err(D::Error::custom)
     }
 }
 

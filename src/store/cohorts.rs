@@ -5,6 +5,7 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::audit::note;
+use super::columns::FeatureColumn;
 use super::error::{StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
 use super::visibility::{BindScope, require_administrator};
@@ -15,7 +16,6 @@ use crate::domain::session::FeatureSpace;
 use crate::domain::text::{Code, Key, Name};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{CalibrationId, CohortId, GroupId, TaskId, TraineeId};
-use crate::motion::features::Feature;
 
 /// Access to the cohorts.
 pub struct CohortStore<'s>(pub(super) &'s Store);
@@ -63,16 +63,8 @@ pub struct CohortValue {
     pub value: f64,
 }
 
-type CohortValueRow = (
-    TraineeId,
-    Option<Handedness>,
-    CalibrationId,
-    String,
-    &'static Feature,
-    Option<String>,
-    FeatureSpace,
-    Json<Vec<f64>>,
-);
+type CohortValueRow =
+    (TraineeId, Option<Handedness>, CalibrationId, String, FeatureColumn, Option<String>, FeatureSpace, Json<Vec<f64>>);
 
 const SELECT_COHORTS: &str = "
     SELECT cohort.*, (SELECT count(*) FROM cohort_person WHERE cohort_id = cohort.id
@@ -240,7 +232,7 @@ impl CohortStore<'_> {
         let rows = sqlx::query_as::<_, CohortValueRow>(SELECT_VALUES).bind_scope(scope).bind(cohort).bind(task);
         let rows = rows.bind(sessions).bind(Json(features)).bind(MAX_COMPARED);
         let mut found = Vec::new();
-        for (trainee, handedness, calibration, pipeline, feature, tool, space, Json(values)) in
+        for (trainee, handedness, calibration, pipeline, FeatureColumn(feature), tool, space, Json(values)) in
             rows.fetch_all(self.0.readers()).await?
         {
             let of = FeatureKey { feature, tool, space };

@@ -103,15 +103,18 @@ fn view_named(name: &str) -> Result<View, BoxDynError> {
     [View::Top, View::Side].into_iter().find(|view| view_name(*view) == name).ok_or_else(|| "not a view".into())
 }
 
-impl Type<Sqlite> for Feature {
+/// A feature in a column of its name.
+pub(super) struct FeatureColumn(pub &'static Feature);
+
+impl Type<Sqlite> for FeatureColumn {
     fn type_info() -> SqliteTypeInfo {
         <str as Type<Sqlite>>::type_info()
     }
 }
 
-impl<'r> Decode<'r, Sqlite> for &'static Feature {
+impl<'r> Decode<'r, Sqlite> for FeatureColumn {
     fn decode(value: SqliteValueRef<'r>) -> Result<Self, BoxDynError> {
-        Ok(features::find(<&str as Decode<'r, Sqlite>>::decode(value)?)?)
+        Ok(Self(features::find(<&str as Decode<'r, Sqlite>>::decode(value)?)?))
     }
 }
 

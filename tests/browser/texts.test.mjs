@@ -7,10 +7,11 @@ import { test } from 'node:test';
 import de from '../../static/texts/de.js';
 import en from '../../static/texts/en.js';
 
-const source = path => readFileSync(new URL(`../../src/${path}`, import.meta.url), 'utf8');
-/** The service's source files, without its tests. */
-const sources = readdirSync(new URL('../../src', import.meta.url), { recursive: true })
-  .filter(name => name.endsWith('.rs') && !/(^|\/)tests(\/|\.rs$)/.test(name))
+const source = path => readFileSync(new URL(`../../${path}`, import.meta.url), 'utf8');
+/** The source files of the service and its science, without their tests. */
+const sources = ['src', 'measurement/src'].flatMap(folder =>
+  readdirSync(new URL(`../../${folder}`, import.meta.url), { recursive: true }).map(name => `${folder}/${name}`))
+  .filter(name => name.endsWith('.rs') && !/\/tests(\/|\.rs$)/.test(name))
   .map(name => [name, source(name).split(/#\[cfg\(test\)\]\s+mod \w+ \{/)[0]]);
 
 /** Texts that are the same in English and German: names, signs, units and shared words. */
@@ -145,13 +146,13 @@ test('German texts use German quotation marks, dashes and ellipses', () => {
 });
 
 test('every reason for a missing position has words in both languages', () => {
-  const names = [...source('vision/reason.rs').matchAll(/^            MissReason::[A-Za-z]+ => "([a-z_]+)",$/gm)].map(([, name]) => name);
+  const names = [...source('measurement/src/vision/reason.rs').matchAll(/^            MissReason::[A-Za-z]+ => "([a-z_]+)",$/gm)].map(([, name]) => name);
   assert.ok(names.length >= 17, `${names.length} reasons found in the source`);
   for (const texts of [en, de]) assert.deepEqual(names.filter(name => !(name in texts.session.reasons)), []);
 });
 
 /** The source of the features, without tests. */
-const featureSource = sources.filter(([name]) => /^motion\/features\/\w+\.rs$/.test(name)).map(([, text]) => text).join('\n');
+const featureSource = sources.filter(([name]) => /^measurement\/src\/motion\/features\/\w+\.rs$/.test(name)).map(([, text]) => text).join('\n');
 
 test('a German title of a feature has the numbers of the English one', () => {
   const titles = [...featureSource.matchAll(/^    name: "([a-z_0-9]+)",\n    title: "([^"]+)",$/gm)];
@@ -164,22 +165,22 @@ test('every code of the service has a German text', () => {
   const named = (text, pattern) => [...text.matchAll(pattern)].map(([, name]) => name);
   const lists = {
     features: named(featureSource, /^    name: "([a-z_0-9]+)",$/gm),
-    rules: named(source('motion/features/habit.rs'), /^            Habit::[A-Za-z]+ => "([a-z_]+)",$/gm),
-    noAdvice: named(source('http/sessions/evidence.rs'), /\breason: "([a-z_]+)"/g),
-    exercises: named(source('statistics/standard/fls.rs'), /^    preset\("([a-z_]+)"/gm),
-    items: named(source('domain/rating/forms.rs'), /^        "([a-z_]+)",$/gm),
-    findings: named(source('motion/quality/cause.rs').split('pub fn unit')[0], /^            QualityCause::[A-Za-z]+ => "([a-z_]+)",$/gm),
-    selfTestAdvice: named(source('checks/self_test/advice.rs'), /^            SelfTestAdvice::[A-Za-z]+ => "([a-z_]+)",$/gm),
-    withheld: named(source('statistics/no_answer.rs'), /NoAnswer::[A-Za-z]+(?: \{ \.\. \})? => "([a-z_]+)"/g),
+    rules: named(source('measurement/src/motion/features/habit.rs'), /^            Habit::[A-Za-z]+ => "([a-z_]+)",$/gm),
+    noAdvice: named(source('src/http/sessions/evidence.rs'), /\breason: "([a-z_]+)"/g),
+    exercises: named(source('measurement/src/statistics/standard/fls.rs'), /^    preset\("([a-z_]+)"/gm),
+    items: named(source('src/domain/rating/forms.rs'), /^        "([a-z_]+)",$/gm),
+    findings: named(source('measurement/src/motion/quality/cause.rs').split('pub fn unit')[0], /^            QualityCause::[A-Za-z]+ => "([a-z_]+)",$/gm),
+    selfTestAdvice: named(source('measurement/src/checks/self_test/advice.rs'), /^            SelfTestAdvice::[A-Za-z]+ => "([a-z_]+)",$/gm),
+    withheld: named(source('measurement/src/statistics/no_answer.rs'), /NoAnswer::[A-Za-z]+(?: \{ \.\. \})? => "([a-z_]+)"/g),
     problems: [
-      ...named(source('http/error.rs'), /^    \(Refusal::[A-Za-z]+, "([a-z-]+)"/gm),
-      ...named(source('analysis/child/explain.rs'), /"([a-z]+(?:-[a-z]+)+)"/g),
-      ...named(source('domain/problem.rs'), /: &'static str = "([a-z-]+)"/g),
+      ...named(source('src/http/error.rs'), /^    \(Refusal::[A-Za-z]+, "([a-z-]+)"/gm),
+      ...named(source('src/analysis/child/explain.rs'), /"([a-z]+(?:-[a-z]+)+)"/g),
+      ...named(source('src/domain/problem.rs'), /: &'static str = "([a-z-]+)"/g),
       ...sources.flatMap(([, text]) => named(text, /\bProblem::new\(\s*"([a-z-]+)"/g)),
     ],
   };
   const unread = sources.filter(([, text]) => /\bProblem::new\((?!\s*(?:"|Problem::))/.test(text)).map(([name]) => name);
-  assert.deepEqual(unread, ['analysis/child/explain.rs'], 'files with problem codes that this test does not read');
+  assert.deepEqual(unread, ['src/analysis/child/explain.rs'], 'files with problem codes that this test does not read');
   for (const [kindOf, codes] of Object.entries(lists)) {
     assert.ok(codes.length >= 5, `${kindOf}: ${codes.length} found in the source`);
     assert.deepEqual(codes.filter(code => !(code in said[kindOf])), [], `${kindOf} without a German text`);

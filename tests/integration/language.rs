@@ -218,7 +218,8 @@ fn parsed(file: &Path) -> syn::File {
 fn product_files() -> Vec<PathBuf> {
     let is_product = |file: &PathBuf| {
         let name = shown(file);
-        name.starts_with("src/") && name.ends_with(".rs") && !name.ends_with("/tests.rs") && !name.contains("/tests/")
+        let is_source = ["src/", "measurement/src/"].iter().any(|folder| name.starts_with(folder));
+        is_source && name.ends_with(".rs") && !name.ends_with("/tests.rs") && !name.contains("/tests/")
     };
     files().into_iter().filter(is_product).collect()
 }
@@ -227,7 +228,7 @@ fn product_files() -> Vec<PathBuf> {
 /// the migrations) are left out.
 fn files() -> Vec<PathBuf> {
     let mut found = Vec::new();
-    for place in ["src", "tests", "benches", "static", "docs", "migrations"] {
+    for place in ["src", "measurement/src", "tests", "benches", "static", "docs", "migrations"] {
         collect(&root().join(place), &mut found);
     }
     found.extend(["README.md", "CHANGELOG.md", "CONTRIBUTING.md"].map(|name| root().join(name)));

@@ -5,7 +5,6 @@
 use std::fs::File;
 use std::io::{BufReader, IsTerminal, Read, Seek, Write};
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use anyhow::{Context, anyhow};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -161,17 +160,6 @@ fn table(calibration: &Calibration) -> String {
         text += &format!("{name}  {value:11.6} ± {sigma:.6}\n");
     }
     text
-}
-
-impl FromStr for CornerCounts {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let sides = text.split_once(['x', 'X', '×']);
-        let parsed = sides.and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
-        let (columns, rows) = parsed.ok_or("expected COLUMNSxROWS of inner corners, such as 9x6")?;
-        Ok(Self { columns, rows })
-    }
 }
 
 /// Progress on stderr: a bar on a terminal, else plain lines; nothing if quiet.

@@ -6,6 +6,7 @@ use std::collections::HashMap;
 use serde::Serialize;
 use sqlx::types::Json;
 
+use super::super::columns::FeatureColumn;
 use super::super::error::StoreResult;
 use super::super::visibility::BindScope;
 use super::SessionStore;
@@ -112,7 +113,7 @@ struct PracticeRowOfPair {
 }
 
 type PracticeFeatureRow =
-    (ResultId, &'static Feature, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
+    (ResultId, FeatureColumn, Option<String>, FeatureSpace, Option<f64>, Option<f64>, Option<f64>);
 
 /// Selects the last `$5` sessions of trainee `$3` at task `$4`, newest first.
 pub(in crate::store) const SELECT_PRACTICE: &str = "
@@ -236,7 +237,8 @@ impl SessionStore<'_> {
     ) -> StoreResult<HashMap<ResultId, Vec<PracticeMeasurement>>> {
         let mut measured: HashMap<ResultId, Vec<PracticeMeasurement>> = HashMap::with_capacity(results.len());
         let found = sqlx::query_as::<_, PracticeFeatureRow>(SELECT_MEASURED).bind(Json(results)).bind(Json(features));
-        for (result, feature, tool, space, value, low, high) in found.fetch_all(self.0.readers()).await? {
+        for (result, FeatureColumn(feature), tool, space, value, low, high) in found.fetch_all(self.0.readers()).await?
+        {
             let bar = low.zip(high).map(|(low, high)| [low, high]);
             let is_lower_bound = low.is_some() && high.is_none();
             let measurement =

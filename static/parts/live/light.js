@@ -4,12 +4,12 @@ import { t } from '../../texts.js';
 
 const words = t.watch.light;
 /**
- * `QualityCause::Exposure` and `QualityCause::WhiteBalance` in src/motion/quality/limits.rs; a test in
+ * `QualityCause::Exposure` and `QualityCause::WhiteBalance` in measurement/src/motion/quality/limits.rs; a test in
  * src/http/dashboard.rs compares them.
  */
 const MAX_EXPOSURE = 0.15;
 const MAX_WHITE_BALANCE = 4;
-/** The number of codes that `chroma_shift` is a share of, as in src/motion/quality/session.rs. */
+/** The number of codes that `chroma_shift` is a share of, as in measurement/src/motion/quality/session.rs. */
 const CODES = 224;
 
 /** What is wrong with the light, in words; null while nothing is. */

@@ -9,7 +9,9 @@ import { ToolMark } from '../playback/readouts.js';
 import { OBSERVED } from '../playback/track.js';
 
 const words = t.record.seen;
-/** `QualityCause::Coverage` in src/motion/quality/limits.rs; a test in src/http/dashboard.rs compares them. */
+/**
+ * `QualityCause::Coverage` in measurement/src/motion/quality/limits.rs; a test in src/http/dashboard.rs compares them.
+ */
 const MIN_SEEN_GOOD = 0.9;
 const MIN_SEEN_USABLE = 0.5;
 const UPDATE_MS = 500;

@@ -7,7 +7,9 @@ import { discardRecording, retrySending } from '../../record/recorder.js';
 import { Announce, Notice } from '../page/notice.js';
 
 const words = t.record;
-/** `QualityCause::FrameRate` in src/motion/quality/limits.rs; a test in src/http/dashboard.rs compares it. */
+/**
+ * `QualityCause::FrameRate` in measurement/src/motion/quality/limits.rs; a test in src/http/dashboard.rs compares it.
+ */
 const MIN_FRAME_RATE = 14;
 /** The share of frames that an encoder may skip before a notice appears. */
 const MAX_SKIPPED_SHARE = 0.05;

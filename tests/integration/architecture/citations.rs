@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::{collect, read, root, shown};
+use super::{SOURCES, collect, read, root, shown};
 
 /// The word that comments use to cite docs/method.md, before the number of a heading.
 const CITATION: &str = "METHOD";
@@ -12,7 +12,8 @@ const CITATION: &str = "METHOD";
 const PUBLICATIONS: [&str; 1] = ["DLMF"];
 
 /// The folders that documents name files of.
-const FOLDERS: [&str; 7] = ["src/", "tests/", "docs/", "static/", "migrations/", "benches/", "systemd/"];
+const FOLDERS: [&str; 8] =
+    ["src/", "measurement/", "tests/", "docs/", "static/", "migrations/", "benches/", "systemd/"];
 
 /// A path with one of these is a pattern, not a file.
 const PLACEHOLDERS: [char; 4] = ['<', '*', '…', '{'];
@@ -21,7 +22,7 @@ const PLACEHOLDERS: [char; 4] = ['<', '*', '…', '{'];
 fn cited_sections_of_the_method_exist() {
     let headings = headings(&read(&root().join("docs/method.md")));
     let mut files = Vec::new();
-    for folder in ["src", "benches", "tests"] {
+    for folder in SOURCES.into_iter().chain(["benches", "tests"]) {
         collect(&root().join(folder), &["rs", "py", "mjs"], &mut files);
     }
     let findings = in_each(&files, |text| unknown_sections(text, &headings));
@@ -31,7 +32,7 @@ fn cited_sections_of_the_method_exist() {
 #[test]
 fn comments_cite_no_document_outside_the_tree() {
     let mut files = Vec::new();
-    collect(&root().join("src"), &["rs"], &mut files);
+    SOURCES.iter().for_each(|folder| collect(&root().join(folder), &["rs"], &mut files));
     let findings = in_each(&files, foreign_documents);
     assert!(findings.is_empty(), "\n{}\n", findings.join("\n"));
 }

@@ -1,4 +1,5 @@
-//! Lists every path that product code names, in absolute form: `crate::…` for our own modules, `tokio::…` for others.
+//! Lists every path that product code names, in absolute form: `crate::…` for modules of our two crates, `tokio::…` for
+//! others.
 //!
 //! Paths come from `use` trees, expressions, types, attributes and the tokens of macros. They are resolved as the
 //! compiler does: by `crate`, `self` and `super`, by the `use` declarations of the module, by its child modules. A path
@@ -15,7 +16,7 @@ use syn::visit::{self, Visit};
 /// A path in product code.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mention {
-    /// The file's path inside `src/`.
+    /// The file's path.
     pub file: String,
     /// The line of the path's first segment, or of the last one in a `use` tree.
     pub line: usize,
@@ -25,7 +26,7 @@ pub struct Mention {
     pub path: Vec<String>,
 }
 
-/// Every path that the product code of `sources` names. A source is a file's path inside `src/`, and its text.
+/// Every path that the product code of `sources` names. A source is a file's path, and its text.
 pub fn mentions(sources: &[(String, String)]) -> Vec<Mention> {
     let files: Vec<(&str, syn::File)> =
         sources.iter().map(|(file, text)| (file.as_str(), parsed(file, text))).collect();
@@ -47,14 +48,15 @@ pub fn mentions(sources: &[(String, String)]) -> Vec<Mention> {
     collector.mentions.into_iter().map(resolved).collect()
 }
 
-/// `vision/pose/mod.rs` is `vision::pose`, `vision/frame.rs` is `vision::frame`.
-fn module_of(file: &str) -> Vec<String> {
-    let names = file.trim_end_matches(".rs").split('/').map(str::to_owned);
+/// `src/http/people/mod.rs` is `http::people`, `measurement/src/vision/frame.rs` is `vision::frame`.
+pub fn module_of(file: &str) -> Vec<String> {
+    let (_, inside) = file.split_once("src/").expect("a file of SOURCES");
+    let names = inside.trim_end_matches(".rs").split('/').map(str::to_owned);
     names.filter(|name| name != "mod" && name != "lib").collect()
 }
 
 fn parsed(file: &str, text: &str) -> syn::File {
-    syn::parse_file(text).unwrap_or_else(|error| panic!("src/{file}:{}: {error}", error.span().start().line))
+    syn::parse_file(text).unwrap_or_else(|error| panic!("{file}:{}: {error}", error.span().start().line))
 }
 
 /// The modules that are declared for tests only, with their full names.
@@ -87,7 +89,8 @@ struct Scope {
     globs: Vec<Vec<String>>,
 }
 
-/// The scope of each module of the crate.
+/// The scope of each module of both crates. Their modules have different names, and `trocar` re-exports all of
+/// `measurement`'s.
 #[derive(Default)]
 struct Scopes(BTreeMap<Vec<String>, Scope>);
 
@@ -108,7 +111,10 @@ impl Scopes {
                 inside(&module[..module.len().saturating_sub(supers)], &path[supers..])
             }
             _ if depth == Self::MAX_DEPTH => path.to_vec(),
-            name => self.absolute_by_scope(module, name, rest, depth).unwrap_or_else(|| path.to_vec()),
+            name => self.absolute_by_scope(module, name, rest, depth).unwrap_or_else(|| match name {
+                "measurement" => inside(&[], rest),
+                _ => path.to_vec(),
+            }),
         }
     }
 

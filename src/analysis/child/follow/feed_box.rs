@@ -99,8 +99,8 @@ impl FeedBox {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::small_box::{ENCODING, EvenPicture, SIZE, two_bare_tools};
     use crate::vision::tracker::Tracker;
-    use crate::vision::tracker::testing::{ENCODING, EvenPicture, SIZE, two_bare_tools};
 
     fn feed_box(scene: SceneSamples) -> FeedBox {
         let tracker = Tracker::new(two_bare_tools(), SIZE.0, SIZE.1, ENCODING).unwrap();

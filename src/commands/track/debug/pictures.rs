@@ -272,7 +272,7 @@ fn box_corners(place: &CellBox) -> [Vector2<f64>; 5] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vision::camera::testing::STRAIGHT;
+    use crate::test_cameras::STRAIGHT;
     use crate::vision::frame::{ColourEncoding, Matrix, Range};
     use crate::vision::segmentation::samples::ColourSamples;
     use crate::vision::tracker::{Marker, ToolSpec};

@@ -1,6 +1,8 @@
 //! The report of a calibration: the fit of each photo, the standard deviation of each number, and where corners were
 //! seen.
 
+use std::str::FromStr;
+
 use super::checkerboard::BoardReason;
 use super::{Board, Camera};
 use crate::vision::space::Pixel;
@@ -246,6 +248,17 @@ impl From<Board> for CornerCounts {
 impl std::fmt::Display for CornerCounts {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}x{}", self.columns, self.rows)
+    }
+}
+
+impl FromStr for CornerCounts {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let sides = text.split_once(['x', 'X', '×']);
+        let parsed = sides.and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
+        let (columns, rows) = parsed.ok_or("expected COLUMNSxROWS of inner corners, such as 9x6")?;
+        Ok(Self { columns, rows })
     }
 }
 

@@ -1,6 +1,6 @@
-//! Cameras for tests.
+//! Cameras for tests. The tests of the crate `trocar` include this file, too.
 
-use super::Camera;
+use crate::vision::camera::Camera;
 
 /// A wide-angle box camera: it bends straight lines by many pixels, as cheap lenses do.
 pub fn wide() -> Camera {

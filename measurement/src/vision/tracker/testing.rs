@@ -1,10 +1,9 @@
-//! A small box with two bare tools, for tests.
+//! A small box with two bare tools, for tests. The tests of the crate `trocar` include this file, too.
 
-use super::settings::{HandSide, Marker, ToolSpec, TrackerSettings};
 use crate::vision::camera::Camera;
-use crate::vision::camera::testing::STRAIGHT;
 use crate::vision::frame::{ColourEncoding, Frame, Matrix, Plane, Range};
 use crate::vision::segmentation::samples::{ColourSample, ColourSamples};
+use crate::vision::tracker::{HandSide, Marker, ToolSpec, TrackerSettings};
 
 /// Width and height of the frames, pixels.
 pub const SIZE: (u32, u32) = (160, 120);
@@ -18,7 +17,20 @@ const SHAFT: [u8; 3] = [30, 128, 128];
 
 /// Settings for a bare tool on each side.
 pub fn two_bare_tools() -> TrackerSettings {
-    let camera = Camera { width: SIZE.0, height: SIZE.1, fx: 125.0, fy: 125.0, cx: 79.5, cy: 59.5, ..STRAIGHT };
+    let camera = Camera {
+        width: SIZE.0,
+        height: SIZE.1,
+        fx: 125.0,
+        fy: 125.0,
+        cx: 79.5,
+        cy: 59.5,
+        k1: 0.0,
+        k2: 0.0,
+        p1: 0.0,
+        p2: 0.0,
+        k3: 0.0,
+        focal_sigma: 0.0,
+    };
     let sample = |label, yuv| ColourSample { label, rectangle: label as u32, yuv };
     let samples = ColourSamples {
         encoding: ENCODING,

@@ -49,6 +49,8 @@ use std::hash::{Hash, Hasher};
 
 use errors::{ErrorBar, NoErrorBar};
 use motion::Motion;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 pub(in crate::motion) use stretch_source::StretchSource;
 
 /// The space that a feature is measured in.
@@ -152,6 +154,20 @@ impl fmt::Debug for Feature {
 impl fmt::Display for Feature {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name)
+    }
+}
+
+/// Written as its name.
+impl Serialize for Feature {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+/// Read by its name.
+impl<'de> Deserialize<'de> for &'static Feature {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        find(&String::deserialize(deserializer)?).map_err(D::Error::custom)
     }
 }
 
