@@ -43,6 +43,18 @@ pub fn locate(rows: &[ShaftRow], diameter_mm: f64) -> Option<f64> {
     ends.next().map(|row| rows[row].back_mm)
 }
 
+/// Has the shaft the same colour up to the assumed tip as farther behind? The end of a steel
+/// collar is no end of a black shaft.
+pub fn reaches_tip(rows: &[ShaftRow], diameter_mm: f64) -> bool {
+    let between = |from: f64, to: f64| {
+        let is_there = |row: &&ShaftRow| (from * diameter_mm..to * diameter_mm).contains(&row.back_mm);
+        stripes(&rows.iter().filter(is_there).copied().collect::<Vec<_>>())
+    };
+    let [from, to] = ALIKE_DIAMETERS;
+    let (last, far) = (between(0.0, PIECE_DIAMETERS), between(from, to));
+    last.zip(far).is_none_or(|(last, far)| median_distance(&last, &far) < CLEAR_CODES)
+}
+
 struct ColourEnds<'a> {
     rows: &'a [ShaftRow],
     step_mm: f64,
@@ -156,6 +168,13 @@ mod tests {
         };
         let found = locate(&rows(luma), DIAMETER_MM);
         assert!(is_at(found, 0.0), "{found:?}");
+    }
+
+    #[test]
+    fn the_end_of_a_steel_collar_is_not_where_a_black_shaft_reaches_its_tip() {
+        let with_collar = |collar_mm: f64| move |ahead: f64| if ahead < -collar_mm { even(BLACK) } else { even(STEEL) };
+        assert!(reaches_tip(&rows(with_collar(0.0)), DIAMETER_MM));
+        assert!(!reaches_tip(&rows(with_collar(5.0)), DIAMETER_MM));
     }
 
     #[test]

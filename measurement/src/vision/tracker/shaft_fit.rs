@@ -107,12 +107,13 @@ impl BandFit<'_> {
     }
 
     /// Is the rim that of the tube? A collar has a rim, too, so neither the end of the full width nor that of the colour
-    /// may contradict. The colour may also be that of a black collar.
+    /// may contradict, and the shaft must have its colour up to the rim. That may also be the colour of a black collar.
     fn is_rim_of_tube(&self, tube: &Tube) -> bool {
         let Some(rows) = self.rows_across(tube) else { return false };
         let is_colours = |back_mm: f64| self.is_near(back_mm) || self.is_near(back_mm + self.spec.collar_mm());
         self.locate_end(&rows).is_none_or(|end| self.is_near(end.back_mm))
             && self.locate_colour_end(&rows).is_none_or(is_colours)
+            && shaft_colour_end::reaches_tip(&rows, self.spec.diameter_mm)
     }
 
     /// Is this distance of two ends less than a collar's length?
