@@ -43,11 +43,11 @@ pub fn locate(rows: &[ShaftRow], diameter_mm: f64) -> Option<f64> {
     ends.next().map(|row| rows[row].back_mm)
 }
 
-/// Has the shaft the same colour up to the assumed tip as farther behind? The end of a steel
-/// collar is no end of a black shaft.
-pub fn reaches_tip(rows: &[ShaftRow], diameter_mm: f64) -> bool {
+/// Has the shaft the same colour up to a place, this far behind the assumed tip (mm), as farther behind? The end of a
+/// steel collar is no end of a black shaft.
+pub fn reaches(rows: &[ShaftRow], diameter_mm: f64, back_mm: f64) -> bool {
     let between = |from: f64, to: f64| {
-        let is_there = |row: &&ShaftRow| (from * diameter_mm..to * diameter_mm).contains(&row.back_mm);
+        let is_there = |row: &&ShaftRow| (from * diameter_mm..to * diameter_mm).contains(&(row.back_mm - back_mm));
         stripes(&rows.iter().filter(is_there).copied().collect::<Vec<_>>())
     };
     let [from, to] = ALIKE_DIAMETERS;
@@ -171,10 +171,11 @@ mod tests {
     }
 
     #[test]
-    fn the_end_of_a_steel_collar_is_not_where_a_black_shaft_reaches_its_tip() {
+    fn a_black_shaft_does_not_reach_the_end_of_its_steel_collar() {
         let with_collar = |collar_mm: f64| move |ahead: f64| if ahead < -collar_mm { even(BLACK) } else { even(STEEL) };
-        assert!(reaches_tip(&rows(with_collar(0.0)), DIAMETER_MM));
-        assert!(!reaches_tip(&rows(with_collar(5.0)), DIAMETER_MM));
+        assert!(reaches(&rows(with_collar(0.0)), DIAMETER_MM, 0.0));
+        let rows = rows(with_collar(5.0));
+        assert!(!reaches(&rows, DIAMETER_MM, 0.0) && reaches(&rows, DIAMETER_MM, 5.0));
     }
 
     #[test]

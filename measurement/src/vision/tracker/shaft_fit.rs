@@ -113,7 +113,7 @@ impl BandFit<'_> {
         let is_colours = |back_mm: f64| self.is_near(back_mm) || self.is_near(back_mm + self.spec.collar_mm());
         self.locate_end(&rows).is_none_or(|end| self.is_near(end.back_mm))
             && self.locate_colour_end(&rows).is_none_or(is_colours)
-            && shaft_colour_end::reaches_tip(&rows, self.spec.diameter_mm)
+            && shaft_colour_end::reaches(&rows, self.spec.diameter_mm, 0.0)
     }
 
     /// Is this distance of two ends less than a collar's length?
@@ -188,8 +188,11 @@ impl BandFit<'_> {
         Some(shaft_rows::read(self.scene.frame, self.camera(), &outline, ROWS_MM, step_px, is_visible))
     }
 
+    /// Where the full width ends, less the collar. A tool whose collar is not given may have one of steel.
     fn locate_end(&self, rows: &[ShaftRow]) -> Option<ShaftEnd> {
-        shaft_end::locate(self.edges, rows, self.spec.diameter_mm, self.spec.collar_mm())
+        let (diameter_mm, collar_mm) = (self.spec.diameter_mm, self.spec.collar_mm());
+        let end = shaft_end::locate(self.edges, rows, diameter_mm, collar_mm)?;
+        (collar_mm > 0.0 || shaft_colour_end::reaches(rows, diameter_mm, end.back_mm)).then_some(end)
     }
 
     fn locate_colour_end(&self, rows: &[ShaftRow]) -> Option<f64> {
