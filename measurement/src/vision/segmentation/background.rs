@@ -139,6 +139,13 @@ impl Background {
         self.cells_near(x, y).any(|cell| is_same(self.usual[cell]))
     }
 
+    /// Does the box as it is usually lit look otherwise at one pixel than about another?
+    pub fn changes_between(&self, [x, y]: [usize; 2], about: [usize; 2]) -> bool {
+        let CellGrid { cell_px, columns, rows } = self.grid;
+        let cell = (y / cell_px).min(rows - 1) * columns + (x / cell_px).min(columns - 1);
+        !self.may_show_lit(about, self.usual[cell])
+    }
+
     /// Does the cell look like the shaft without any tool?
     pub fn is_like_shaft(&self, cell: usize) -> bool {
         self.like_shaft[cell]

@@ -183,6 +183,13 @@ impl<'a> FrameStrips<'a> {
         Some(self.background().may_show_lit(pixel_of(at), self.mean_about(at)?))
     }
 
+    /// Does the box without tools look otherwise at one pixel than about another? `None` outside the picture.
+    pub fn box_changes(&self, one: Pixel, other: Pixel) -> Option<bool> {
+        let (width, height) = (self.frame.width() as f64, self.frame.height() as f64);
+        let is_inside = |at: Pixel| (0.0..width).contains(&at.u()) && (0.0..height).contains(&at.v());
+        (is_inside(one) && is_inside(other)).then(|| self.background().changes_between(pixel_of(one), pixel_of(other)))
+    }
+
     fn background(&self) -> &Background {
         &self.finder.appearance.background
     }

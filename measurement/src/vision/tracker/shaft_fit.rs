@@ -197,31 +197,35 @@ impl BandFit<'_> {
     /// Do jaws show ahead of a place, this far behind the tip (mm)? If the box shows instead, lit or in shade, it may be what
     /// is seen between open black jaws.
     fn shows_jaws(&self, tube: &Tube, back_mm: f64) -> bool {
-        !is_mostly(&self.seen_ahead(tube, back_mm, FrameStrips::shows_box), 1.0 / 3.0)
+        !is_mostly(&self.seen_about(tube, back_mm, |strips, [_, ahead]| strips.shows_box(ahead)), 1.0 / 3.0)
     }
 
-    /// Does the box show where the jaws must be? Then a part of it lies before the tool's end: a peg, or a wall.
+    /// Does a part of the box lie before the end, such as a peg? The box shows where the jaws must be, and it changes at the
+    /// end also without the tool. Steel may look like the box, but hardly where the box changes.
     fn is_end_behind_box(&self, tube: &Tube) -> bool {
-        /// Of the places. Light on the box changes, and steel may look like a part of it.
+        /// Of the places: light on the box changes.
         const MIN_SHARE: f64 = 2.0 / 3.0;
-        let shown = self.seen_ahead(tube, 0.0, FrameStrips::shows_lit_box);
-        self.spec.has_jaws() && is_mostly(&shown, MIN_SHARE)
+        let is_mostly_so = |seen: Vec<bool>| is_mostly(&seen, MIN_SHARE);
+        self.spec.has_jaws()
+            && is_mostly_so(self.seen_about(tube, 0.0, |strips, [_, ahead]| strips.shows_lit_box(ahead)))
+            && is_mostly_so(self.seen_about(tube, 0.0, |strips, [behind, ahead]| strips.box_changes(behind, ahead)))
     }
 
-    /// What the frame shows at places on the jaws next to a place, this far behind the tip (mm).
-    fn seen_ahead<'s>(
-        &'s self,
+    /// What pairs of places behind and ahead of a place show, this far behind the tip (mm). Those ahead lie on the jaws.
+    fn seen_about(
+        &self,
         tube: &Tube,
         back_mm: f64,
-        shows: impl Fn(&'s FrameStrips<'s>, Pixel) -> Option<bool>,
+        shows: impl Fn(&FrameStrips<'_>, [Pixel; 2]) -> Option<bool>,
     ) -> Vec<bool> {
         let (Some(strips), Some(outline)) = (self.scene.strips, tube.outline()) else { return Vec::new() };
         let places = AHEAD_DIAMETERS.into_iter().flat_map(|ahead| [-0.3, 0.0, 0.3].map(|across| (ahead, across)));
-        let pixels = places.filter_map(|(ahead, across)| {
-            let place = outline.rim(back_mm - ahead * self.spec.diameter_mm, across);
-            self.camera().project(CameraPoint(place))
+        let pairs = places.filter_map(|(ahead, across)| {
+            let ahead_mm = ahead * self.spec.diameter_mm;
+            let pixel = |back_mm| self.camera().project(CameraPoint(outline.rim(back_mm, across)));
+            Some([pixel(back_mm + ahead_mm)?, pixel(back_mm - ahead_mm)?])
         });
-        pixels.filter_map(|at| shows(strips, at)).collect()
+        pairs.filter_map(|pair| shows(strips, pair)).collect()
     }
 
     /// Does the colour that ends here belong to the tube and not to its collar?
@@ -330,7 +334,7 @@ mod tests {
     use crate::vision::tracker::frame_context::FrameContext;
     use crate::vision::tracker::predict::Prediction;
     use crate::vision::tracker::testing::{ENCODING, two_bare_tools};
-    use crate::vision::tracker::{Tracker, TrackerSettings};
+    use crate::vision::tracker::{Marker, Tracker, TrackerSettings};
 
     /// Edges on both borders of a tube at these distances behind its tip.
     fn border_edges(tube: &Tube, backs_mm: &[f64]) -> Vec<MeasuredEdge> {
@@ -357,7 +361,8 @@ mod tests {
         let tip_px = CAMERA.project(CameraPoint(tube().tip)).unwrap().0;
         let radius_px = radius_mm * CAMERA.fx / tube().tip.z;
         let is_ring = |at: Point2<f64>| nalgebra::distance(&at, &tip_px) < radius_px;
-        with_fit(|at| if is_ring(at) { 220 } else { MAT }, |fit| fit.is_end_covered(&tube()))
+        let luma = |at| if is_ring(at) { 220 } else { MAT };
+        with_fit(&two_bare_tools(), luma, |fit| fit.is_end_covered(&tube()))
     }
 
     /// A tube before an even mat.
@@ -368,11 +373,25 @@ mod tests {
     /// Luma of the mat.
     const MAT: u8 = 150;
 
-    /// Asks the fit of a frame with this luma at a pixel.
-    fn with_fit(luma: impl Fn(Point2<f64>) -> u8, ask: impl Fn(&BandFit<'_>) -> bool) -> bool {
+    /// Asks the fit of a frame with this luma at a pixel, before an even mat.
+    fn with_fit(
+        settings: &TrackerSettings,
+        luma: impl Fn(Point2<f64>) -> u8,
+        ask: impl Fn(&BandFit<'_>) -> bool,
+    ) -> bool {
+        with_box(settings, |_| MAT, luma, ask)
+    }
+
+    /// Asks the fit of a frame, with the luma of the empty box and of the frame at a pixel.
+    fn with_box(
+        settings: &TrackerSettings,
+        empty: impl Fn(Point2<f64>) -> u8,
+        luma: impl Fn(Point2<f64>) -> u8,
+        ask: impl Fn(&BandFit<'_>) -> bool,
+    ) -> bool {
         let (width, height) = (CAMERA.width as usize, CAMERA.height as usize);
-        let empty = vec![MAT; width * height];
         let at = |i: usize| Point2::new((i % width) as f64, (i / width) as f64);
+        let empty: Vec<u8> = (0..width * height).map(|i| empty(at(i))).collect();
         let luma: Vec<u8> = (0..width * height).map(|i| luma(at(i))).collect();
         let grey = vec![128; width * height];
         let shaft = ShaftColour::new(&[[30, 128, 128]]).unwrap();
@@ -381,7 +400,7 @@ mod tests {
             StripFinder::learn(&CAMERA, shaft, &tools, &[CellPicture::of(&frame_of([&empty, &grey]))], None).unwrap();
         let frame = frame_of([&luma, &grey]);
         let strips = FrameStrips::new(&finder, &frame, SearchTurn::All);
-        let settings = TrackerSettings { camera: CAMERA, ..two_bare_tools() };
+        let settings = TrackerSettings { camera: CAMERA, ..settings.clone() };
         let tracker = Tracker::new(settings, CAMERA.width, CAMERA.height, ENCODING).unwrap();
         let (table, settings) = (&tracker.table, &tracker.settings);
         let scene =
@@ -393,6 +412,42 @@ mod tests {
     fn a_thing_wider_than_the_tool_covers_its_end() {
         assert!(is_covered_by_ring(8.0));
         assert!(!is_covered_by_ring(2.5), "no wider than the tool");
+    }
+
+    /// Jaws of this luma ahead of the tube, as wide as it.
+    fn jaws_of(luma: u8) -> impl Fn(Point2<f64>) -> u8 {
+        let tip_px = CAMERA.project(CameraPoint(tube().tip)).unwrap().0;
+        let radius_px = tube().radius * CAMERA.fx / tube().tip.z;
+        let is_there = move |at: Point2<f64>| at.x > tip_px.x && (at.y - tip_px.y).abs() < radius_px;
+        move |at| if is_there(at) { luma } else { MAT }
+    }
+
+    #[test]
+    fn an_end_where_the_box_begins_lies_behind_it_unless_it_is_a_rods() {
+        let is_behind_box = |fit: &BandFit<'_>| fit.is_end_behind_box(&tube());
+        let tip_u = CAMERA.project(CameraPoint(tube().tip)).unwrap().u();
+        let block = |at: Point2<f64>| if at.x > tip_u { 190 } else { MAT };
+        let jaws = |luma: u8| {
+            let jaws = jaws_of(luma);
+            move |at: Point2<f64>| if jaws(at) == MAT { block(at) } else { luma }
+        };
+        assert!(with_box(&two_bare_tools(), block, block, is_behind_box));
+        for luma in [40, 120, 240] {
+            assert!(!with_box(&two_bare_tools(), block, jaws(luma), is_behind_box), "jaws of luma {luma}");
+        }
+        assert!(!with_fit(&two_bare_tools(), jaws_of(MAT), is_behind_box), "steel mirrors an even mat");
+        let mut rods = two_bare_tools();
+        for tool in &mut rods.tools {
+            tool.marker = Marker::Shaft { collar_mm: None, jaw_mm: Some(0.0) };
+        }
+        assert!(!with_box(&rods, block, block, is_behind_box));
+    }
+
+    #[test]
+    fn jaws_show_unless_the_box_does_in_places() {
+        let shows_jaws = |fit: &BandFit<'_>| fit.shows_jaws(&tube(), 0.0);
+        assert!(with_fit(&two_bare_tools(), jaws_of(230), shows_jaws));
+        assert!(!with_fit(&two_bare_tools(), jaws_of(MAT - 40), shows_jaws), "the mat in shade");
     }
 
     #[test]
