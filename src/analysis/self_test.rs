@@ -8,7 +8,7 @@ use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
 use crate::motion::quality::ports::Ports;
 use crate::vision::camera::Board;
 use crate::vision::frame::Frame;
-use crate::vision::tracker::{MAX_WARM_UP_FRAMES, SceneSamples, SettingsProblem, Tracker, TrackerSettings};
+use crate::vision::tracker::{MAX_WARM_UP_FRAMES, Marker, SceneSamples, SettingsProblem, Tracker, TrackerSettings};
 use crate::vision::trajectory::PathKind;
 
 /// What a self-test needs besides the recording and the tracker's settings.
@@ -38,6 +38,9 @@ pub enum SelfTestError {
     Settings(#[from] SettingsProblem),
 }
 
+/// A bare rod ends flat, without collar or jaws.
+const ROD: Marker = Marker::Shaft { collar_mm: None, jaw_mm: Some(0.0) };
+
 /// Tests a box. `scene` shows the box to a tracker of tools without tape: see [`collect_scene`]. Calls `done` after each
 /// frame with the number of frames so far and, if known, in all.
 ///
@@ -48,11 +51,14 @@ pub enum SelfTestError {
 pub fn test_video(
     video: VideoFile,
     scene: &SceneSamples,
-    settings: TrackerSettings,
+    mut settings: TrackerSettings,
     asked: SelfTestSetup,
     mut done: impl FnMut(u64, Option<u64>),
 ) -> Result<SelfTestReport, SelfTestError> {
     let info = video.info();
+    for tool in settings.tools.iter_mut().filter(|tool| tool.is_bare()) {
+        tool.marker = ROD;
+    }
     let (camera, tools, samples) = (settings.camera, settings.tools.clone(), settings.samples.clone());
     let mut ahead = ReadAhead::new(video)?;
     let first: Vec<Frame<'_>> = ahead.first_pictures(MAX_WARM_UP_FRAMES)?.iter().map(Picture::frame).collect();

@@ -43,6 +43,9 @@ struct BareMarker {
     /// Absent for a rod without a collar.
     #[serde(skip_serializing_if = "Option::is_none")]
     collar_mm: Option<f64>,
+    /// Of a rod without jaws: 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    jaw_mm: Option<f64>,
 }
 
 /// The text of the annotations, with marks on frames of these times, s.
@@ -65,7 +68,7 @@ fn entry(tool: &SimulatedTool) -> BareToolEntry {
         tool: tool.name,
         side: if tool.name == "left" { Side::Left } else { Side::Right },
         diameter_mm: tool.design.diameter_mm,
-        marker: BareMarker { kind: "shaft", collar_mm },
+        marker: BareMarker { kind: "shaft", collar_mm, jaw_mm: (tool.design.jaw_mm == 0.0).then_some(0.0) },
     }
 }
 

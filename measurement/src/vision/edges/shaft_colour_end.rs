@@ -55,6 +55,19 @@ pub fn reaches(rows: &[ShaftRow], diameter_mm: f64, back_mm: f64) -> bool {
     last.zip(far).is_none_or(|(last, far)| median_distance(&last, &far) < CLEAR_CODES)
 }
 
+/// Is the tool as wide as the tube ahead of a place, this far behind the assumed tip (mm), over most of a collar's length?
+/// Then the colour ends with the tube and not with a collar of its colour, ahead of which a narrower hinge begins.
+pub fn shows_collar(rows: &[ShaftRow], collar_mm: f64, back_mm: f64) -> bool {
+    let is_on_collar = |row: &&ShaftRow| (0.1 * collar_mm..0.9 * collar_mm).contains(&(back_mm - row.back_mm));
+    let on_collar: Vec<&ShaftRow> = rows.iter().filter(is_on_collar).collect();
+    let is_wide = |row: &&&ShaftRow| {
+        let is_border = |[inside, outside]: [Codes; 2]| distance(inside, outside) > MIN_BORDER_CODES;
+        row.borders.iter().all(|border| border.is_some_and(is_border))
+    };
+    let wide = on_collar.iter().filter(is_wide).count() as f64;
+    !on_collar.is_empty() && wide >= MIN_LONG_SHARE * on_collar.len() as f64
+}
+
 struct ColourEnds<'a> {
     rows: &'a [ShaftRow],
     step_mm: f64,
@@ -94,13 +107,17 @@ impl ColourEnds<'_> {
         let codes = |rows: &[ShaftRow]| rows.iter().filter_map(|row| row.borders[side]).collect::<Vec<_>>();
         let far = codes(&self.rows[to..from]);
         let Some(shaft) = mean_codes(far.iter().map(|[inside, _]| *inside)) else { return false };
-        LONG_DIAMETERS.into_iter().all(|diameters| {
+        let mostly = |diameters: f64, is_edge: &dyn Fn(&[Codes; 2]) -> bool| {
             let seen = codes(&self.rows[row.saturating_sub(self.count(diameters))..row]);
-            let is_edge = |[inside, outside]: &&[Codes; 2]| {
-                distance(*inside, *outside) > MIN_BORDER_CODES && distance(*inside, shaft) < distance(*outside, shaft)
-            };
-            !seen.is_empty() && seen.iter().filter(is_edge).count() as f64 >= MIN_LONG_SHARE * seen.len() as f64
-        })
+            let edges = seen.iter().filter(|codes| is_edge(codes)).count() as f64;
+            !seen.is_empty() && edges >= MIN_LONG_SHARE * seen.len() as f64
+        };
+        let is_edge = |[inside, outside]: &[Codes; 2]| {
+            distance(*inside, *outside) > MIN_BORDER_CODES && distance(*inside, shaft) < distance(*outside, shaft)
+        };
+        // A hinge is narrower, so that just inside the border lies rather what is outside.
+        let is_wide = |[inside, outside]: &[Codes; 2]| distance(*inside, shaft) < distance(*inside, *outside);
+        LONG_DIAMETERS.into_iter().all(|diameters| mostly(diameters, &is_edge)) && mostly(PIECE_DIAMETERS, &is_wide)
     }
 
     /// Is more of the shaft ahead of a row? `None` if too few rows show it.
@@ -113,11 +130,14 @@ impl ColourEnds<'_> {
         let behind = stripes(&self.rows[row - piece..row])?;
         let ahead = stripes(&self.rows[row + 1..row + 1 + piece])?;
         let is_shaft = |row: &&ShaftRow| {
-            let nearer = (0..3).filter(|stripe| {
-                let codes = row.inside[*stripe];
-                codes.is_some_and(|codes| distance(codes, behind[*stripe]) < distance(codes, ahead[*stripe]))
+            let alike = (0..3).filter(|stripe| {
+                row.inside[*stripe].is_some_and(|codes| {
+                    let from_shaft = distance(codes, behind[*stripe]);
+                    from_shaft < CLEAR_CODES && from_shaft < distance(codes, ahead[*stripe])
+                })
             });
-            nearer.count() >= 2
+            alike.count() >= 2
+                && row.borders.iter().flatten().any(|[inside, outside]| distance(*inside, *outside) > MIN_BORDER_CODES)
         };
         let resumed = self.rows[row + 1 + piece..].iter().filter(is_shaft).count();
         Some(resumed as f64 * self.step_mm > MAX_RESUMED_MM)
@@ -200,5 +220,33 @@ mod tests {
             _ => even(STEEL),
         };
         assert_eq!(locate(&rows(luma), DIAMETER_MM), None);
+    }
+
+    #[test]
+    fn a_board_that_is_darker_than_steel_does_not_continue_the_shaft() {
+        let luma = |ahead: f64| match ahead {
+            ..0.0 => even(BLACK),
+            0.0..8.0 => even(235.0),
+            _ => even(0.5 * (BLACK + STEEL)),
+        };
+        let found = locate(&rows(luma), DIAMETER_MM);
+        assert!(is_at(found, 0.0), "{found:?}");
+    }
+
+    #[test]
+    fn a_tube_is_as_wide_as_ever_next_to_its_end() {
+        let luma = |ahead: f64| match ahead {
+            ..0.0 => even(BLACK),
+            0.0..1.9 => ([BOARD - 3.0; 2], [BLACK; 3]),
+            _ => even(STEEL),
+        };
+        assert_eq!(locate(&rows(luma), DIAMETER_MM), None, "a thing lies across the hinge");
+    }
+
+    #[test]
+    fn a_collar_is_as_wide_as_the_tube_and_a_hinge_is_not() {
+        let with_limbs = |limb: f64| move |ahead: f64| if ahead < 0.0 { even(BLACK) } else { ([limb; 2], [STEEL; 3]) };
+        assert!(shows_collar(&rows(with_limbs(STEEL)), 8.0, 0.0));
+        assert!(!shows_collar(&rows(with_limbs(BOARD - 3.0)), 8.0, 0.0));
     }
 }

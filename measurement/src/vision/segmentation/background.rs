@@ -38,6 +38,10 @@ pub struct Background {
     noise: [f32; 3],
 }
 
+/// Largest log density below that of the box's own codes where the box may still show, nats: 3.6 standard deviations of
+/// noise, or 25 codes of chroma in shade.
+const MAX_BELOW: f32 = 5.0;
+
 impl Background {
     /// From frames spread over the recording, at least one, all of one size.
     pub fn from_frames(frames: &[CellPicture], shaft: &ShaftColour, any: &AnyColour) -> Option<Self> {
@@ -121,15 +125,25 @@ impl Background {
     /// May the box, lit or in shade, show these mean codes of a patch about a pixel, as large as a cell? The patch may
     /// lie in nine cells.
     pub fn may_show(&self, [x, y]: [usize; 2], codes: [f32; 3]) -> bool {
-        /// Largest log density below that of the box's own codes, nats: 3.6 standard deviations of noise, or 25 codes of
-        /// chroma in shade.
-        const MAX_BELOW: f32 = 5.0;
-        self.cells_near(x, y).any(|cell| {
-            let usual = self.usual[cell];
-            let is_same = || self.same_log_density(usual, usual) - self.same_log_density(codes, usual) < MAX_BELOW;
-            let is_shade = || shade_log_density(usual, usual) - shade_log_density(codes, usual) < MAX_BELOW;
-            is_same() || (may_be_shade(codes, usual) && is_shade())
-        })
+        let is_shade = |usual| shade_log_density(usual, usual) - shade_log_density(codes, usual) < MAX_BELOW;
+        self.may_show_lit([x, y], codes)
+            || self
+                .cells_near(x, y)
+                .map(|cell| self.usual[cell])
+                .any(|usual| may_be_shade(codes, usual) && is_shade(usual))
+    }
+
+    /// The same of the box as it is usually lit.
+    pub fn may_show_lit(&self, [x, y]: [usize; 2], codes: [f32; 3]) -> bool {
+        let is_same = |usual| self.same_log_density(usual, usual) - self.same_log_density(codes, usual) < MAX_BELOW;
+        self.cells_near(x, y).any(|cell| is_same(self.usual[cell]))
+    }
+
+    /// Does the box as it is usually lit look otherwise at one pixel than about another?
+    pub fn changes_between(&self, [x, y]: [usize; 2], about: [usize; 2]) -> bool {
+        let CellGrid { cell_px, columns, rows } = self.grid;
+        let cell = (y / cell_px).min(rows - 1) * columns + (x / cell_px).min(columns - 1);
+        !self.may_show_lit(about, self.usual[cell])
     }
 
     /// Does the cell look like the shaft without any tool?

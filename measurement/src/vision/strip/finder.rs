@@ -136,6 +136,11 @@ pub struct FrameStrips<'a> {
     cells: OnceCell<(CellPicture, GridMap)>,
 }
 
+/// Column and row of a pixel.
+fn pixel_of(at: Pixel) -> [usize; 2] {
+    [at.u() as usize, at.v() as usize]
+}
+
 impl<'a> FrameStrips<'a> {
     /// Of this frame.
     pub fn new(finder: &'a StripFinder, frame: &'a Frame<'a>, turn: SearchTurn) -> Self {
@@ -168,10 +173,30 @@ impl<'a> FrameStrips<'a> {
         shaft.log_density(codes) > any.log_density(codes)
     }
 
-    /// Does the frame show the box without tools about a pixel? `None` outside the picture.
+    /// Does the frame show the box without tools about a pixel, lit or in shade? `None` outside the picture.
     pub fn shows_box(&self, at: Pixel) -> Option<bool> {
-        let background = &self.finder.appearance.background;
-        let half = 0.5 * background.cell_px() as f64;
+        Some(self.background().may_show(pixel_of(at), self.mean_about(at)?))
+    }
+
+    /// The same of the box as it is usually lit.
+    pub fn shows_lit_box(&self, at: Pixel) -> Option<bool> {
+        Some(self.background().may_show_lit(pixel_of(at), self.mean_about(at)?))
+    }
+
+    /// Does the box without tools look otherwise at one pixel than about another? `None` outside the picture.
+    pub fn box_changes(&self, one: Pixel, other: Pixel) -> Option<bool> {
+        let (width, height) = (self.frame.width() as f64, self.frame.height() as f64);
+        let is_inside = |at: Pixel| (0.0..width).contains(&at.u()) && (0.0..height).contains(&at.v());
+        (is_inside(one) && is_inside(other)).then(|| self.background().changes_between(pixel_of(one), pixel_of(other)))
+    }
+
+    fn background(&self) -> &Background {
+        &self.finder.appearance.background
+    }
+
+    /// Mean codes of a square about a pixel, as large as a cell. `None` if it is not all in the picture.
+    fn mean_about(&self, at: Pixel) -> Option<[f32; 3]> {
+        let half = 0.5 * self.background().cell_px() as f64;
         let [left, top, right, bottom] = [at.u() - half, at.v() - half, at.u() + half, at.v() + half];
         if left < 0.0 || top < 0.0 || right >= self.frame.width() as f64 || bottom >= self.frame.height() as f64 {
             return None;
@@ -182,7 +207,7 @@ impl<'a> FrameStrips<'a> {
             let codes = self.frame.yuv_at(x, y).map(f32::from);
             (count + 1.0, std::array::from_fn(|part| sum[part] + codes[part]))
         });
-        Some(background.may_show([at.u() as usize, at.v() as usize], sum.map(|sum| sum / count)))
+        Some(sum.map(|sum| sum / count))
     }
 
     /// Rows across a strip.

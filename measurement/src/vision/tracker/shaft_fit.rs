@@ -3,6 +3,8 @@
 //! A shaft that turns into steel or into the box has an edge along its whole rim. Jaws in its own colour leave only
 //! pieces of one, and have edges of their own. A tip on such an edge would be a centimetre off and look right.
 
+use nalgebra::Point2;
+
 use super::band_fit::BandFit;
 use super::probe_pass::{FINE_PASSES, FoundEdges, ProbePass};
 use super::refine::PassFit;
@@ -15,6 +17,7 @@ use crate::vision::edges::shaft_rows::{self, ShaftRow};
 use crate::vision::pose::joint_fit::{END_OFFSET_PX, MeasuredEdge};
 use crate::vision::reason::MissReason;
 use crate::vision::space::{CameraPoint, Pixel};
+use crate::vision::strip::finder::FrameStrips;
 use crate::vision::tube::{BorderSide, Outline, OutlinePart, Tube};
 
 /// A shaft that was not measured.
@@ -40,6 +43,12 @@ const ROWS_PX: (f64, f64) = (1.0, 2.5);
 /// Largest distance of an edge on the tube, pixels: a few times the error of an edge.
 const NEAR_PX: f64 = 1.0;
 
+/// Places ahead of the end, diameters: on the hinge, before jaws that may be open.
+const AHEAD_DIAMETERS: [f64; 3] = [0.1, 0.3, 0.5];
+
+/// Least number of places in the picture that decide what lies there.
+const MIN_PLACES: usize = 6;
+
 impl BandFit<'_> {
     /// Fits a bare tube, whose end may be its rim or the end of its full width.
     pub(super) fn fit_shaft(
@@ -50,15 +59,15 @@ impl BandFit<'_> {
         recorder: &mut FitRecorder,
     ) -> Result<PassFit, ShaftMiss> {
         let fit = match self.fit_passes(start, length_mm, passes, recorder) {
-            Ok(fit) if self.shows_rim(&fit) && self.is_rim_of_tube(&fit.estimate.tube) => Ok(fit),
+            Ok(fit) if self.is_end_of_tube(&fit) => Ok(fit),
             Ok(fit) => self.fit_end(&fit.estimate.tube, length_mm, recorder),
             Err(MissReason::TipHidden) => self.fit_end(start, length_mm, recorder),
             Err(reason) => Err(reason.into()),
         };
-        let fit =
-            fit.and_then(|fit| if self.shows_borders(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })?;
+        let is_tool = |fit: &PassFit| self.shows_borders(fit) && self.is_long_in_picture(&fit.estimate.tube, length_mm);
+        let fit = fit.and_then(|fit| if is_tool(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })?;
         let tube = fit.estimate.tube;
-        if self.is_end_covered(&tube) {
+        if self.is_end_covered(&tube) || self.is_end_behind_box(&tube) {
             return Err(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) });
         }
         Ok(fit)
@@ -67,25 +76,34 @@ impl BandFit<'_> {
     /// Does a thing lie across the end? It is wider than the tool: beside the place ahead of the end, the box hardly shows
     /// on either side.
     fn is_end_covered(&self, tube: &Tube) -> bool {
-        /// Places ahead of the end, diameters: on the hinge, before jaws that may be open.
-        const AHEAD_DIAMETERS: [f64; 3] = [0.1, 0.3, 0.5];
         /// Distances from the axis, radii.
         const BESIDE_RADII: [f64; 2] = [1.5, 1.9];
-        /// Least number of places in the picture that decide.
-        const MIN_PLACES: usize = 6;
         let (Some(strips), Some(outline)) = (self.scene.strips, tube.outline()) else { return false };
-        let mut seen: Vec<bool> = Vec::new();
+        let mut hidden: Vec<bool> = Vec::new();
         for diameters in AHEAD_DIAMETERS {
-            let back_mm = -diameters * self.spec.diameter_mm;
-            let [one, other] =
-                BorderSide::BOTH.map(|side| self.camera().project(CameraPoint(outline.border(side, back_mm))));
-            let (Some(one), Some(other)) = (one, other) else { continue };
-            let (middle, half) = (nalgebra::center(&one.0, &other.0), (one.0 - other.0) * 0.5);
+            let Some([one, other]) = self.borders_px(&outline, -diameters * self.spec.diameter_mm) else { continue };
+            let (middle, half) = (nalgebra::center(&one, &other), (one - other) * 0.5);
             let beside = BESIDE_RADII.into_iter().flat_map(|radii| [middle + half * radii, middle - half * radii]);
-            seen.extend(beside.filter_map(|at| strips.shows_box(Pixel(at))));
+            hidden.extend(beside.filter_map(|at| Some(!strips.shows_box(Pixel(at))?)));
         }
-        let shown = seen.iter().filter(|shows| **shows).count();
-        seen.len() >= MIN_PLACES && 3 * shown < seen.len()
+        is_mostly(&hidden, 2.0 / 3.0)
+    }
+
+    /// Is the measured piece long in the picture? Seen nearly along its axis, a tube shows neither its lean nor that it is
+    /// one: closed jaws are as long.
+    fn is_long_in_picture(&self, tube: &Tube, length_mm: f64) -> bool {
+        /// Least length, widths: twelve degrees between the line of sight and a 5 mm tool (MARKERS 5.2).
+        const MIN_WIDTHS: f64 = 2.5;
+        let Some(outline) = tube.outline() else { return false };
+        let ends = self.borders_px(&outline, 0.0).zip(self.borders_px(&outline, length_mm));
+        ends.is_none_or(|([one, other], [far, _])| (far - one).norm() >= MIN_WIDTHS * (other - one).norm())
+    }
+
+    /// Where both borders are in the picture, this far behind the tip, pixels.
+    fn borders_px(&self, outline: &Outline, back_mm: f64) -> Option<[Point2<f64>; 2]> {
+        let [one, other] =
+            BorderSide::BOTH.map(|side| self.camera().project(CameraPoint(outline.border(side, back_mm))));
+        Some([one?.0, other?.0])
     }
 
     /// Do enough edges confirm each border? They may lie farther from it the more they are smeared.
@@ -106,13 +124,18 @@ impl BandFit<'_> {
         on_rim >= MIN_SHARE * fit.found.visible[rim]
     }
 
-    /// Is the rim that of the tube? A collar has a rim, too, so neither the end of the full width nor that of the colour
-    /// may contradict, and the shaft must have its colour up to the rim. That may also be the colour of a black collar.
-    fn is_rim_of_tube(&self, tube: &Tube) -> bool {
-        let Some(rows) = self.rows_across(tube) else { return false };
-        let is_colours = |back_mm: f64| self.is_near(back_mm) || self.is_near(back_mm + self.spec.collar_mm());
-        self.locate_end(&rows).is_none_or(|end| self.is_near(end.back_mm))
-            && self.locate_colour_end(&rows).is_none_or(is_colours)
+    /// Does the tool's tube end where the fitted one does? Its end shows all across, or the end of the full width and
+    /// that of the colour agree with it. A collar has a rim, too, so neither may contradict, and the shaft must have its
+    /// colour up to the end. That may also be the colour of a black collar.
+    fn is_end_of_tube(&self, fit: &PassFit) -> bool {
+        let Some(rows) = self.rows_across(&fit.estimate.tube) else { return false };
+        let full_width = self.locate_end(&rows).map(|end| self.is_near(end.back_mm));
+        let colour = self.locate_colour_end(&rows);
+        let is_colours = colour.map(|back_mm| self.is_near(back_mm) || self.is_near(back_mm + self.spec.collar_mm()));
+        let agree = full_width == Some(true) && colour.is_some_and(|back_mm| self.is_near(back_mm));
+        (agree || self.shows_rim(fit))
+            && full_width.unwrap_or(true)
+            && is_colours.unwrap_or(true)
             && shaft_colour_end::reaches(&rows, self.spec.diameter_mm, 0.0)
     }
 
@@ -131,12 +154,15 @@ impl BandFit<'_> {
         if let Some(fit) = self.fit_colour_end(tube, &rows, length_mm, recorder) {
             return Ok(fit);
         }
-        let hidden = match moved {
-            Some(tube) => ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) },
-            None => MissReason::BordersNotFound.into(),
-        };
-        let end = self.locate_end(&rows).ok_or(hidden)?;
-        self.fit_full_width(tube, end, length_mm, recorder)
+        if let Some(end) = self.locate_end(&rows) {
+            return self.fit_located(tube, end, |rows| self.locate_end(rows), length_mm, recorder);
+        }
+        let colour_end = |rows: &[ShaftRow]| self.locate_colour_end_alone(rows);
+        match (colour_end(&rows).filter(|end| self.shows_jaws(&tube, end.back_mm)), moved) {
+            (Some(end), _) => self.fit_located(tube, end, colour_end, length_mm, recorder),
+            (None, Some(tube)) => Err(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) }),
+            (None, None) => Err(MissReason::BordersNotFound.into()),
+        }
     }
 
     /// Fits a tube whose rim is where its colour ends. The fitted tube must show that end, too. The colour may be that
@@ -151,24 +177,76 @@ impl BandFit<'_> {
         tube.tip -= tube.axis * self.locate_colour_end(rows)?;
         let fit = self.fit_passes(&tube, length_mm, FINE_PASSES, recorder).ok()?;
         let rows = self.rows_across(&fit.estimate.tube)?;
-        let full_width = self.locate_end(&rows);
-        let agrees = full_width.map_or(self.spec.collar_mm() == 0.0, |end| self.is_near(end.back_mm));
-        let is_end = agrees && self.locate_colour_end(&rows).is_some_and(|back_mm| self.is_near(back_mm));
-        (is_end && self.shows_rim(&fit)).then_some(fit)
+        let back_mm = self.locate_colour_end(&rows).filter(|back_mm| self.is_near(*back_mm))?;
+        let agrees = match self.locate_end(&rows) {
+            Some(end) => self.is_near(end.back_mm),
+            None => self.is_colour_of_tube(&rows, back_mm),
+        };
+        (agrees && self.shows_rim(&fit)).then_some(fit)
     }
 
-    /// Fits a tube that ends where its full width does, less its collar.
-    fn fit_full_width(
+    /// Where the colour ends, if the full width shows no end.
+    fn locate_colour_end_alone(&self, rows: &[ShaftRow]) -> Option<ShaftEnd> {
+        /// Standard deviation, mm: 0.3 to 0.5 mm in eight of the even of 42 ray-traced recordings.
+        const SIGMA_MM: f64 = 0.5;
+        let back_mm = self.locate_colour_end(rows)?;
+        let is_alone = self.locate_end(rows).is_none() && self.is_colour_of_tube(rows, back_mm);
+        is_alone.then_some(ShaftEnd { back_mm, sigma_mm: SIGMA_MM })
+    }
+
+    /// Do jaws show ahead of a place, this far behind the tip (mm)? If the box shows instead, lit or in shade, it may be what
+    /// is seen between open black jaws.
+    fn shows_jaws(&self, tube: &Tube, back_mm: f64) -> bool {
+        !is_mostly(&self.seen_about(tube, back_mm, |strips, [_, ahead]| strips.shows_box(ahead)), 1.0 / 3.0)
+    }
+
+    /// Does a part of the box lie before the end, such as a peg? The box shows where the jaws must be, and it changes at the
+    /// end also without the tool. Steel may look like the box, but hardly where the box changes.
+    fn is_end_behind_box(&self, tube: &Tube) -> bool {
+        /// Of the places: light on the box changes.
+        const MIN_SHARE: f64 = 2.0 / 3.0;
+        let is_mostly_so = |seen: Vec<bool>| is_mostly(&seen, MIN_SHARE);
+        self.spec.has_jaws()
+            && is_mostly_so(self.seen_about(tube, 0.0, |strips, [_, ahead]| strips.shows_lit_box(ahead)))
+            && is_mostly_so(self.seen_about(tube, 0.0, |strips, [behind, ahead]| strips.box_changes(behind, ahead)))
+    }
+
+    /// What pairs of places behind and ahead of a place show, this far behind the tip (mm). Those ahead lie on the jaws.
+    fn seen_about(
+        &self,
+        tube: &Tube,
+        back_mm: f64,
+        shows: impl Fn(&FrameStrips<'_>, [Pixel; 2]) -> Option<bool>,
+    ) -> Vec<bool> {
+        let (Some(strips), Some(outline)) = (self.scene.strips, tube.outline()) else { return Vec::new() };
+        let places = AHEAD_DIAMETERS.into_iter().flat_map(|ahead| [-0.3, 0.0, 0.3].map(|across| (ahead, across)));
+        let pairs = places.filter_map(|(ahead, across)| {
+            let ahead_mm = ahead * self.spec.diameter_mm;
+            let pixel = |back_mm| self.camera().project(CameraPoint(outline.rim(back_mm, across)));
+            Some([pixel(back_mm + ahead_mm)?, pixel(back_mm - ahead_mm)?])
+        });
+        pairs.filter_map(|pair| shows(strips, pair)).collect()
+    }
+
+    /// Does the colour that ends here belong to the tube and not to its collar?
+    fn is_colour_of_tube(&self, rows: &[ShaftRow], back_mm: f64) -> bool {
+        let collar_mm = self.spec.collar_mm();
+        collar_mm == 0.0 || shaft_colour_end::shows_collar(rows, collar_mm, back_mm)
+    }
+
+    /// Fits a tube that ends where its rows show it, less its collar.
+    fn fit_located(
         &self,
         mut tube: Tube,
         first: ShaftEnd,
+        locate: impl Fn(&[ShaftRow]) -> Option<ShaftEnd>,
         length_mm: f64,
         recorder: &mut FitRecorder,
     ) -> Result<PassFit, ShaftMiss> {
         let mut first = Some(first);
         let mut last = Err(MissReason::TipHidden.into());
         for pass in FINE_PASSES {
-            let located = first.take().or_else(|| self.locate_end(&self.rows_across(&tube)?));
+            let located = first.take().or_else(|| locate(&self.rows_across(&tube)?));
             let end = located.ok_or(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) })?;
             tube.tip -= tube.axis * end.back_mm;
             let mut found = self.edges_along(&tube, length_mm, *pass, recorder)?;
@@ -221,6 +299,12 @@ impl BandFit<'_> {
     }
 }
 
+/// Is more than this share of what places show true? Too few of them decide nothing.
+fn is_mostly(shown: &[bool], share: f64) -> bool {
+    let count = shown.iter().filter(|shows| **shows).count() as f64;
+    shown.len() >= MIN_PLACES && count > share * shown.len() as f64
+}
+
 /// Do enough edges confirm each border of a tube? Some line passes through any two edges. A border with no more says
 /// nothing about the lean, and many edges on the other border and at the end do not make up for that.
 fn are_confirmed(edges: &[MeasuredEdge], outline: &Outline, camera: &Camera, near_px: f64) -> bool {
@@ -239,18 +323,18 @@ fn count_near(edges: &[MeasuredEdge], part: OutlinePart, outline: &Outline, came
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Point2, Point3, Vector3};
+    use nalgebra::{Point3, Vector3};
 
     use super::*;
     use crate::vision::camera::testing::STRAIGHT as CAMERA;
     use crate::vision::frame::{Frame, Plane};
     use crate::vision::segmentation::cells::CellPicture;
     use crate::vision::segmentation::shaft_colour::ShaftColour;
-    use crate::vision::strip::finder::{BareTool, FrameStrips, SearchTurn, StripFinder};
+    use crate::vision::strip::finder::{BareTool, SearchTurn, StripFinder};
     use crate::vision::tracker::frame_context::FrameContext;
     use crate::vision::tracker::predict::Prediction;
     use crate::vision::tracker::testing::{ENCODING, two_bare_tools};
-    use crate::vision::tracker::{Tracker, TrackerSettings};
+    use crate::vision::tracker::{Marker, Tracker, TrackerSettings};
 
     /// Edges on both borders of a tube at these distances behind its tip.
     fn border_edges(tube: &Tube, backs_mm: &[f64]) -> Vec<MeasuredEdge> {
@@ -274,16 +358,41 @@ mod tests {
 
     /// Is the end of a tube before an even mat covered, if a ring of this radius (mm) lies about it?
     fn is_covered_by_ring(radius_mm: f64) -> bool {
-        let tube = Tube { tip: Point3::new(0.0, 0.0, 150.0), axis: Vector3::x(), radius: 2.5 };
-        let tip_px = CAMERA.project(CameraPoint(tube.tip)).unwrap().0;
-        let radius_px = radius_mm * CAMERA.fx / tube.tip.z;
+        let tip_px = CAMERA.project(CameraPoint(tube().tip)).unwrap().0;
+        let radius_px = radius_mm * CAMERA.fx / tube().tip.z;
+        let is_ring = |at: Point2<f64>| nalgebra::distance(&at, &tip_px) < radius_px;
+        let luma = |at| if is_ring(at) { 220 } else { MAT };
+        with_fit(&two_bare_tools(), luma, |fit| fit.is_end_covered(&tube()))
+    }
+
+    /// A tube before an even mat.
+    fn tube() -> Tube {
+        Tube { tip: Point3::new(0.0, 0.0, 150.0), axis: Vector3::x(), radius: 2.5 }
+    }
+
+    /// Luma of the mat.
+    const MAT: u8 = 150;
+
+    /// Asks the fit of a frame with this luma at a pixel, before an even mat.
+    fn with_fit(
+        settings: &TrackerSettings,
+        luma: impl Fn(Point2<f64>) -> u8,
+        ask: impl Fn(&BandFit<'_>) -> bool,
+    ) -> bool {
+        with_box(settings, |_| MAT, luma, ask)
+    }
+
+    /// Asks the fit of a frame, with the luma of the empty box and of the frame at a pixel.
+    fn with_box(
+        settings: &TrackerSettings,
+        empty: impl Fn(Point2<f64>) -> u8,
+        luma: impl Fn(Point2<f64>) -> u8,
+        ask: impl Fn(&BandFit<'_>) -> bool,
+    ) -> bool {
         let (width, height) = (CAMERA.width as usize, CAMERA.height as usize);
-        let luma = |i: usize| {
-            let at = Point2::new((i % width) as f64, (i / width) as f64);
-            if nalgebra::distance(&at, &tip_px) < radius_px { 220 } else { 150 }
-        };
-        let empty = vec![150; width * height];
-        let luma: Vec<u8> = (0..width * height).map(luma).collect();
+        let at = |i: usize| Point2::new((i % width) as f64, (i / width) as f64);
+        let empty: Vec<u8> = (0..width * height).map(|i| empty(at(i))).collect();
+        let luma: Vec<u8> = (0..width * height).map(|i| luma(at(i))).collect();
         let grey = vec![128; width * height];
         let shaft = ShaftColour::new(&[[30, 128, 128]]).unwrap();
         let tools = [BareTool { side: None, diameter_mm: 5.0 }];
@@ -291,18 +400,54 @@ mod tests {
             StripFinder::learn(&CAMERA, shaft, &tools, &[CellPicture::of(&frame_of([&empty, &grey]))], None).unwrap();
         let frame = frame_of([&luma, &grey]);
         let strips = FrameStrips::new(&finder, &frame, SearchTurn::All);
-        let settings = TrackerSettings { camera: CAMERA, ..two_bare_tools() };
+        let settings = TrackerSettings { camera: CAMERA, ..settings.clone() };
         let tracker = Tracker::new(settings, CAMERA.width, CAMERA.height, ENCODING).unwrap();
         let (table, settings) = (&tracker.table, &tracker.settings);
         let scene =
             FrameContext { frame: &frame, segment: table, table, settings, strips: Some(&strips), obstacles: &[] };
-        tracker.tools[0].band_fit(&scene, &Prediction::default()).is_end_covered(&tube)
+        ask(&tracker.tools[0].band_fit(&scene, &Prediction::default()))
     }
 
     #[test]
     fn a_thing_wider_than_the_tool_covers_its_end() {
         assert!(is_covered_by_ring(8.0));
         assert!(!is_covered_by_ring(2.5), "no wider than the tool");
+    }
+
+    /// Jaws of this luma ahead of the tube, as wide as it.
+    fn jaws_of(luma: u8) -> impl Fn(Point2<f64>) -> u8 {
+        let tip_px = CAMERA.project(CameraPoint(tube().tip)).unwrap().0;
+        let radius_px = tube().radius * CAMERA.fx / tube().tip.z;
+        let is_there = move |at: Point2<f64>| at.x > tip_px.x && (at.y - tip_px.y).abs() < radius_px;
+        move |at| if is_there(at) { luma } else { MAT }
+    }
+
+    #[test]
+    fn an_end_where_the_box_begins_lies_behind_it_unless_it_is_a_rods() {
+        let is_behind_box = |fit: &BandFit<'_>| fit.is_end_behind_box(&tube());
+        let tip_u = CAMERA.project(CameraPoint(tube().tip)).unwrap().u();
+        let block = |at: Point2<f64>| if at.x > tip_u { 190 } else { MAT };
+        let jaws = |luma: u8| {
+            let jaws = jaws_of(luma);
+            move |at: Point2<f64>| if jaws(at) == MAT { block(at) } else { luma }
+        };
+        assert!(with_box(&two_bare_tools(), block, block, is_behind_box));
+        for luma in [40, 120, 240] {
+            assert!(!with_box(&two_bare_tools(), block, jaws(luma), is_behind_box), "jaws of luma {luma}");
+        }
+        assert!(!with_fit(&two_bare_tools(), jaws_of(MAT), is_behind_box), "steel mirrors an even mat");
+        let mut rods = two_bare_tools();
+        for tool in &mut rods.tools {
+            tool.marker = Marker::Shaft { collar_mm: None, jaw_mm: Some(0.0) };
+        }
+        assert!(!with_box(&rods, block, block, is_behind_box));
+    }
+
+    #[test]
+    fn jaws_show_unless_the_box_does_in_places() {
+        let shows_jaws = |fit: &BandFit<'_>| fit.shows_jaws(&tube(), 0.0);
+        assert!(with_fit(&two_bare_tools(), jaws_of(230), shows_jaws));
+        assert!(!with_fit(&two_bare_tools(), jaws_of(MAT - 40), shows_jaws), "the mat in shade");
     }
 
     #[test]

@@ -226,16 +226,23 @@ mod tests {
         Tube { tip: Point3::new(130.0, 4.0, 150.0), axis: Vector3::x(), radius: 2.5 }
     }
 
-    /// Fits a tube to the picture of that shaft, or to that of the empty box.
-    fn fit_shaft(start: &Tube, is_there: bool) -> Option<ShaftMiss> {
+    /// Fits a tube to a picture of a shaft before an even box. `luma` is that of a tool's surface at a distance ahead of the
+    /// shaft's end (mm) and across its axis (radii).
+    fn fit_to(start: &Tube, shaft: &Tube, luma: impl Fn(f64, f64) -> u8) -> Result<Tube, ShaftMiss> {
+        const BOX: u8 = 150;
         let (width, height) = (STRAIGHT.width as usize, STRAIGHT.height as usize);
-        let outline = shaft().outline().unwrap();
-        let luma = |x: usize, y: usize| {
+        let outline = shaft.outline().unwrap();
+        let codes = |x: usize, y: usize| {
             let ray = STRAIGHT.normalised_of(Pixel::new(x as f64, y as f64)).unwrap().ray();
-            let is_inside = BorderSide::BOTH.into_iter().all(|side| outline.normal(side).dot(&ray) > 0.0);
-            if is_there && is_inside { 30 } else { 150 }
+            if !BorderSide::BOTH.into_iter().all(|side| outline.normal(side).dot(&ray) > 0.0) {
+                return BOX;
+            }
+            // Of a shaft along x, the surface is about this far from the camera.
+            let across = (ray.y * shaft.tip.z - shaft.tip.y) / shaft.radius;
+            let depth_mm = shaft.tip.z - shaft.radius * (1.0 - across * across).max(0.0).sqrt();
+            luma(ray.x * depth_mm - shaft.tip.x, across)
         };
-        let luma: Vec<u8> = (0..width * height).map(|i| luma(i % width, i / width)).collect();
+        let luma: Vec<u8> = (0..width * height).map(|i| codes(i % width, i / width)).collect();
         let grey = vec![128; width * height];
         let [y, u, v] = [&luma, &grey, &grey].map(|data| Plane { data, stride: width, width, height });
         let (index, time_s, shift_x, shift_y, chroma_first_px, encoding) = (0, 0.0, 0, 0, [0.0; 2], ENCODING);
@@ -245,7 +252,37 @@ mod tests {
         let (table, settings) = (&tracker.table, &tracker.settings);
         let scene = FrameContext { frame: &frame, segment: table, table, settings, strips: None, obstacles: &[] };
         let fit = tracker.tools[0].band_fit(&scene, &Prediction::default());
-        fit.fit_shaft(start, MEASURED_SHAFT_MM, STRIP_PASSES, &mut FitRecorder::new(false)).err()
+        let fitted = fit.fit_shaft(start, MEASURED_SHAFT_MM, STRIP_PASSES, &mut FitRecorder::new(false));
+        fitted.map(|fit| fit.estimate.tube)
+    }
+
+    /// Fits a tube to the picture of that shaft, or to that of the empty box.
+    fn fit_shaft(start: &Tube, is_there: bool) -> Option<ShaftMiss> {
+        fit_to(start, &shaft(), |_, _| if is_there { 30 } else { 150 }).err()
+    }
+
+    #[test]
+    fn a_shaft_before_steel_with_a_dark_limb_ends_where_its_colour_does() {
+        let shaft = Tube { tip: Point3::new(30.0, 4.0, 150.0), ..shaft() };
+        let steel = |across: f64| if (-0.2..0.7).contains(&across) { 210 } else { 32 };
+        let luma = |ahead: f64, across: f64| match ahead {
+            ..0.0 => 30,
+            0.0..12.0 => steel(across),
+            _ => 150,
+        };
+        let start = Tube { tip: shaft.tip - Vector3::x() * 2.0, ..shaft };
+        let found = fit_to(&start, &shaft, luma).map_err(|miss| miss.reason).unwrap();
+        let off_px = (found.tip.x / found.tip.z - shaft.tip.x / shaft.tip.z) * STRAIGHT.fx;
+        assert!(off_px.abs() < 2.0, "{off_px} px, {}", found.tip);
+    }
+
+    #[test]
+    fn a_tube_that_is_seen_along_its_axis_is_none() {
+        let towards = Vector3::new(0.15, 0.0, 0.99).normalize();
+        let start = Tube { tip: Point3::new(30.0, 4.0, 150.0), axis: towards, radius: 2.5 };
+        let shaft = Tube { tip: start.tip, ..shaft() };
+        let luma = |ahead: f64, _| if (-8.0..0.0).contains(&ahead) { 30 } else { 150 };
+        assert!(fit_to(&start, &shaft, luma).is_err());
     }
 
     #[test]

@@ -29,7 +29,7 @@ pub enum MarkerEntry {
         /// Length of the steel collar between the tube's end and the jaws, mm.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         collar_mm: Option<f64>,
-        /// Distance from the tube's end to the point of the closed jaws, mm.
+        /// Distance from the tube's end to the point of the closed jaws, mm; 0 for a rod without jaws.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         jaw_mm: Option<f64>,
     },
@@ -108,7 +108,7 @@ impl AnnotationsFile {
         let in_marker = match own.and_then(|entry| entry.marker) {
             Some(marker @ MarkerEntry::Shaft { collar_mm, jaw_mm }) => {
                 check("marker.collar_mm", collar_mm, MAX_PART_MM)?;
-                check("marker.jaw_mm", jaw_mm, MAX_PART_MM)?;
+                check("marker.jaw_mm", jaw_mm.filter(|mm| *mm != 0.0), MAX_PART_MM)?;
                 return Ok(marker);
             }
             Some(MarkerEntry::Band { length_mm }) => length_mm,

@@ -38,7 +38,7 @@ pub enum Marker {
     Shaft {
         /// Length of the steel collar between the tube's end and the jaws, mm, if it was measured.
         collar_mm: Option<f64>,
-        /// Distance from the tube's end to the point of the closed jaws, mm, if it was measured.
+        /// Distance from the tube's end to the point of the closed jaws, mm, if it was measured; 0 for a rod without jaws.
         jaw_mm: Option<f64>,
     },
 }
@@ -55,6 +55,11 @@ impl ToolSpec {
             Marker::Band { .. } => 0.0,
             Marker::Shaft { collar_mm, .. } => collar_mm.unwrap_or(0.0),
         }
+    }
+
+    /// Do jaws show ahead of its bare tube? Not of a rod.
+    pub fn has_jaws(&self) -> bool {
+        !matches!(self.marker, Marker::Shaft { jaw_mm: Some(0.0), .. })
     }
 
     /// Length of its band along the tube, mm, if it has a band and its length was measured.
