@@ -63,7 +63,7 @@ test('an instrument without tape is described by its side and its tube, and a se
   await button('Add an instrument').click();
   await kindOf(0).selectOption('bare');
   const diameter = tool(0).getByLabel('Diameter of the tube');
-  assert.equal(await diameter.inputValue(), '5', 'the usual diameter is suggested');
+  assert.equal(await diameter.inputValue(), '', 'no diameter is suggested: it has to be measured');
   await diameter.fill(String(marks.tools[0].diameter_mm));
   await tool(0).getByText('Collar and jaws').click();
   await tool(0).getByLabel('Length of the collar').fill('8');
