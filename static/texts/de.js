@@ -85,6 +85,10 @@ const roundApart = (value, limit, minDecimals) => {
   return [value, limit].map(number => decimal(number.toFixed(decimals)));
 };
 const figure = (minDecimals, sentence) => (value, limit) => sentence(...roundApart(value, limit, minDecimals));
+const LIGHTS = { '30 % darker': 'bei 30 % weniger Licht', '30 % brighter': 'bei 30 % mehr Licht', '500 K warmer': 'bei um 500 K wärmerem Licht', '500 K cooler': 'bei um 500 K kälterem Licht' };
+const inLight = light => (light ? ` ${LIGHTS[light] ?? light}` : '');
+const wholePercent = share => `${(100 * share).toFixed(0)} %`;
+
 const shareFigure = (minDecimals, sentence) => (value, limit) => sentence(...roundApart(100 * value, 100 * limit, minDecimals));
 /** Distance of two colours, or a sentence of its own for colours that overlap: theirs is negative, or would be shown as 0. */
 const steps = (sentence, overlap) => (value, limit) => value < 0.05 ? figure(1, (_, needed) => overlap(needed))(value, limit) : figure(1, sentence)(value, limit);
@@ -2473,6 +2477,8 @@ export default {
         'schalten Sie den automatischen Weißabgleich der Kamera aus, und lassen Sie das Licht, wie es ist'],
       camera_moved_during: [figure(1, (is, limit) => `die Kamera wurde während der Aufnahme bewegt, um ${is} mm in der Tiefe der Instrumente; höchstens ${limit} mm`),
         'die Bahn springt dort, und Positionen davor und danach sind nicht vergleichbar: Befestigen Sie die Kamera an der Box, und kürzen Sie die Aufnahme auf den Teil davor oder danach. Stand die Kamera still und wurde alles andere im Bild bewegt, etwa das ganze Brett, sind Längen und Geschwindigkeiten richtig'],
+      view_shifted: [shareFigure(0, (is, limit) => `die Kamera blickt um ${is} % des Bilds anders als auf den Bildern der Box; höchstens ${limit} %`),
+        'das Bild der leeren Box passt nicht mehr, daher können Instrumente ohne Klebeband verloren gehen: Stellen Sie die Kamera zurück, oder nehmen Sie ein neues Bild der leeren Box auf und lernen Sie die Farben neu'],
       camera_moved: [figure(1, (is, limit) => `die Kamera wurde seit früheren Aufnahmen mit dieser Kalibrierung bewegt: Alle Trokare liegen ${is} mm anders; höchstens ${limit} mm`),
         'Positionen, Tiefe und Bahnen sind nicht mit früheren vergleichbar: Stellen Sie die Kamera zurück, oder senden Sie der Box ihre Kalibrierung noch einmal, dann beginnt der Vergleich neu. Längen und Geschwindigkeiten sind nur richtig, wenn es dieselbe Kamera mit demselben Zoom und derselben Schärfe ist; wenn nicht, kalibrieren Sie sie'],
       port_moved: [figure(1, (is, limit) => `sein Trokar liegt ${is} mm von seinem Ort in früheren Aufnahmen; höchstens ${limit} mm`),
@@ -2490,6 +2496,18 @@ export default {
     },
     /** Added to a finding about a moment of the recording: its time in s. */
     moment: at => `; bei ${at.toFixed(0)} s`,
+    /** Reasons against a colour. */
+    colours: {
+      not_marked: () => 'kein Rechteck markiert es',
+      marked_once: () => 'nur ein Rechteck markiert es, daher lässt es sich nicht prüfen; markieren Sie es auf mindestens drei Bildern',
+      lost: ({ share, label, light }) => `${wholePercent(share)} seines eigenen Klebebands werden nicht erkannt${
+        label ? `, das meiste davon wird für „${label}“ gehalten` : ''}${inLight(light)}`,
+      odd_rectangle: ({ share, frame, at: [x, y] }) => `${wholePercent(share)} seines Rechtecks auf Bild ${frame}, bei (${x}, ${y}), haben eine andere Farbe als seine übrigen Rechtecke; markieren Sie dort nur Klebeband`,
+      taken: ({ share, label, light }) => `${wholePercent(share)} von „${label}“ werden für es gehalten${inLight(light)}`,
+      overlap: ({ label }) => `seine Farbe überschneidet sich mit der von „${label}“`,
+      thin: ({ label, steps: [margin, spread] }) => `um ${decimal(margin.toFixed(1))} von 255 Stufen verschoben, wird es zu „${label}“, und seine eigenen Pixel streuen um ${decimal(spread.toFixed(1))}`,
+      false_region: ({ share, frame, largest_of_band: size }) => `auf Bild ${frame} haben ${twoDecimals(100 * share)} % des Bilds außerhalb seines Bands seine Farbe, die größte Stelle ist ${decimal(size.toFixed(1))}-mal so groß wie das Band`,
+    },
     /** The finding about a part of a self-test, by part and unit. A part without an entry keeps its English sentence,
      *  which says more than the figures. */
     selfTest: {
