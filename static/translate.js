@@ -61,6 +61,12 @@ export function findingAdvice({ name, advice, is_bare: isBare }) {
   return (isBare && ofBare) || general || advice;
 }
 
+/** A reason against a colour, as `{ text, lang }`. Versions learned earlier have no causes. */
+export function colourReason(reason, cause) {
+  const text = cause && translationOf('colours', cause.fault)?.(cause);
+  return text ? { text, lang: undefined } : { text: reason, lang: serviceLang };
+}
+
 /** What a self-test found about a part, as `{ text, lang }`. */
 export function selfTestFinding(part, test) {
   const text = translationOf('selfTest', `${part.part} ${part.unit}`)?.(part, test);

@@ -3,6 +3,7 @@ import { html, useState } from '../../preact.js';
 import { api, Problem } from '../../api.js';
 import { dateTime, number } from '../../format.js';
 import { t } from '../../texts.js';
+import { colourReason } from '../../translate.js';
 import { readJson } from './box_camera.js';
 import { isBare } from '../../setup/marks.js';
 import { Form } from '../forms/form.js';
@@ -62,12 +63,14 @@ const GRADES = { good: 'good', at_risk: 'warn', bad: 'bad' };
 /** The grades of the colours, before anything is recorded with them. */
 export const Verdicts = ({ verdicts }) => html`
   <ul class="stack">
-    ${verdicts.map(({ tool, grade, reasons }) => html`
+    ${verdicts.map(({ tool, grade, reasons, causes }) => html`
       <li key=${tool} data-grade=${grade}>
         <span class=${`pill ${GRADES[grade]}`}>${tool}: ${words.grades[grade]}</span>
-        ${reasons.map(reason => html`<p key=${reason} class="small muted">${reason}</p>`)}
+        ${reasons.map((reason, at) => html`<${Reason} key=${reason} ...${colourReason(reason, causes?.[at])} />`)}
       </li>`)}
   </ul>`;
+
+const Reason = ({ text, lang }) => html`<p class="small muted" lang=${lang}>${text}</p>`;
 
 /** The service gives the tape's colour only if it is not the tool's name. */
 const tapeOf = tool => tool.colour ?? tool.name;
