@@ -55,8 +55,17 @@ export function findingText({ name, finding, tool, label, longest, rows, at_s: a
   return `${toolPrefix}${translated(figure, limit)}${nearest}${stretch}${place}${moment}`;
 }
 
-/** What to do about a finding; without a full stop. */
-export const findingAdvice = ({ name, advice }) => translationOf('findings', name)?.[1] ?? advice;
+/** What to do about a finding; without a full stop. The third text, if there is one, is for a tool without tape. */
+export function findingAdvice({ name, advice, is_bare: isBare }) {
+  const [, general, ofBare] = translationOf('findings', name) ?? [];
+  return (isBare && ofBare) || general || advice;
+}
+
+/** A reason against a colour, as `{ text, lang }`. Versions learned earlier have no causes. */
+export function colourReason(reason, cause) {
+  const text = cause && translationOf('colours', cause.fault)?.(cause);
+  return text ? { text, lang: undefined } : { text: reason, lang: serviceLang };
+}
 
 /** What a self-test found about a part, as `{ text, lang }`. */
 export function selfTestFinding(part, test) {

@@ -8,6 +8,7 @@ use super::named;
 use crate::vision::segmentation::palette::advice::{PairAdvice, TapeAdvice, TapeRanking};
 use crate::vision::segmentation::palette::confusion::{Confusion, LabelConfusion};
 use crate::vision::segmentation::palette::light::LightCondition;
+use crate::vision::segmentation::palette::verdict::{MIN_SHOWN_STEPS, TapeProblem};
 use crate::vision::segmentation::palette::{FalseArea, Margin, PaletteGrade, TapeVerdict, verdict};
 use crate::vision::surroundings::Surroundings;
 
@@ -175,10 +176,56 @@ pub struct ColourVerdict {
     pub grade: ColourGrade,
     /// Reasons against it, worst first.
     pub reasons: Vec<String>,
+    /// The same reasons in parts, for pages in other languages; empty for versions learned before they were kept.
+    #[serde(default)]
+    pub causes: Vec<ColourCause>,
     /// Distance of its colour from other marked colours; absent where nothing else or only one pixel was marked.
     pub margin: Option<ColourMargin>,
     /// Area of its colour outside its band, in the worst marked frame; absent where its band was not found.
     pub false_area: Option<ColourFalseArea>,
+}
+
+named! {
+    /// What is wrong with a colour.
+    ColourFault: "colour fault" {
+        /// No rectangle marks it.
+        NotMarked = "not_marked",
+        /// Only one rectangle marks it.
+        MarkedOnce = "marked_once",
+        /// Part of its own tape is not recognised.
+        Lost = "lost",
+        /// One of its rectangles has another colour than the others.
+        OddRectangle = "odd_rectangle",
+        /// Part of something else is mistaken for it.
+        Taken = "taken",
+        /// It overlaps with another colour.
+        Overlap = "overlap",
+        /// A small shift turns it into another colour.
+        Thin = "thin",
+        /// A region outside its band has its colour.
+        FalseRegion = "false_region",
+    }
+}
+
+/// A reason against a colour, in parts. Parts that the fault does not have are `null`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct ColourCause {
+    /// What is wrong.
+    pub fault: ColourFault,
+    /// Share of the pixels that it is about, 0..1.
+    pub share: Option<f64>,
+    /// The other label.
+    pub label: Option<String>,
+    /// The light, as in the confusion; `null`: as marked.
+    pub light: Option<String>,
+    /// The frame.
+    pub frame: Option<u64>,
+    /// Place in the frame, pixels.
+    pub at: Option<[u64; 2]>,
+    /// The margin and the colour's own spread, in steps of 1/255 of the full range.
+    pub steps: Option<[f64; 2]>,
+    /// Area of the largest false region, as a multiple of the band's.
+    pub largest_of_band: Option<f64>,
 }
 
 /// Distance of a colour from the others, in steps of 1/255 of the full range.
@@ -211,6 +258,7 @@ impl PaletteReport {
             tool: verdict.tool.clone(),
             grade: verdict.grade.into(),
             reasons: verdict.causes.iter().map(|(_, cause)| cause.to_string()).collect(),
+            causes: verdict.causes.iter().map(|(_, cause)| cause.into()).collect(),
             margin: margin.as_ref().map(Into::into),
             false_area: verdict::worst(false_areas, &verdict.tool).map(Into::into),
         };
@@ -229,8 +277,9 @@ impl PaletteReport {
         let shares = lights.flat_map(|light| light.tools.iter().map(|of| of.share).chain([light.no_tool]));
         let margins = self.verdicts.iter().filter_map(|of| of.margin.as_ref());
         let areas = self.verdicts.iter().filter_map(|of| of.false_area.as_ref());
+        let causes = self.verdicts.iter().flat_map(|of| &of.causes).flat_map(ColourCause::numbers);
         let of_margins = margins.flat_map(|margin| [margin.margin_steps, margin.spread_steps]);
-        shares.chain(of_margins).chain(areas.flat_map(|area| [area.share, area.largest_of_band]))
+        shares.chain(of_margins).chain(areas.flat_map(|area| [area.share, area.largest_of_band])).chain(causes)
     }
 
     /// All texts.
@@ -284,7 +333,9 @@ impl PaletteAdvice {
 }
 
 fn verdict_texts(verdict: &ColourVerdict) -> impl Iterator<Item = &String> {
-    verdict.reasons.iter().chain([&verdict.tool]).chain(verdict.margin.as_ref().map(|margin| &margin.nearest))
+    let of_causes = verdict.causes.iter().flat_map(|cause| cause.label.iter().chain(&cause.light));
+    let nearest = verdict.margin.as_ref().map(|margin| &margin.nearest);
+    verdict.reasons.iter().chain([&verdict.tool]).chain(nearest).chain(of_causes)
 }
 
 fn confusion_row(row: &LabelConfusion, tools: &[String]) -> ConfusionRow {
@@ -312,6 +363,53 @@ impl From<PaletteGrade> for ColourGrade {
     }
 }
 
+impl ColourCause {
+    fn of(fault: ColourFault) -> Self {
+        let (share, label, light, frame) = (None, None, None, None);
+        Self { fault, share, label, light, frame, at: None, steps: None, largest_of_band: None }
+    }
+
+    fn numbers(&self) -> impl Iterator<Item = f64> + use<> {
+        self.share.into_iter().chain(self.steps.into_iter().flatten()).chain(self.largest_of_band)
+    }
+}
+
+impl From<&TapeProblem> for ColourCause {
+    fn from(problem: &TapeProblem) -> Self {
+        let in_light = |light: &LightCondition| (*light != LightCondition::AsMarked).then(|| light.name().to_owned());
+        match problem {
+            TapeProblem::NotMarked => Self::of(ColourFault::NotMarked),
+            TapeProblem::MarkedOnce => Self::of(ColourFault::MarkedOnce),
+            TapeProblem::Lost { share, to, light } => {
+                Self { share: Some(*share), label: to.clone(), light: in_light(light), ..Self::of(ColourFault::Lost) }
+            }
+            TapeProblem::OddRectangle { share, at } => Self {
+                share: Some(*share),
+                frame: Some(at.frame),
+                at: Some([at.x as u64, at.y as u64]),
+                ..Self::of(ColourFault::OddRectangle)
+            },
+            TapeProblem::Taken { share, from, light } => Self {
+                share: Some(*share),
+                label: Some(from.clone()),
+                light: in_light(light),
+                ..Self::of(ColourFault::Taken)
+            },
+            TapeProblem::Thin(Margin { margin_steps, spread_steps, nearest }) => Self {
+                label: Some(nearest.clone()),
+                steps: Some([*margin_steps, *spread_steps]),
+                ..Self::of(if *margin_steps < MIN_SHOWN_STEPS { ColourFault::Overlap } else { ColourFault::Thin })
+            },
+            TapeProblem::FalseRegion(FalseArea { frame, share, largest_of_band, .. }) => Self {
+                share: Some(*share),
+                frame: Some(*frame),
+                largest_of_band: Some(*largest_of_band),
+                ..Self::of(ColourFault::FalseRegion)
+            },
+        }
+    }
+}
+
 impl From<&Margin> for ColourMargin {
     fn from(margin: &Margin) -> Self {
         let Margin { margin_steps, spread_steps, nearest } = margin.clone();
@@ -322,5 +420,38 @@ impl From<&Margin> for ColourMargin {
 impl From<&FalseArea> for ColourFalseArea {
     fn from(area: &FalseArea) -> Self {
         Self { frame: area.frame, share: area.share, largest_of_band: area.largest_of_band }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::segmentation::samples::RectanglePlace;
+
+    #[test]
+    fn a_reason_in_parts_says_what_its_sentence_says() {
+        let (share, light, nearest) = (0.5, LightCondition::Darker, "cyan".to_owned());
+        let thin =
+            |margin_steps| TapeProblem::Thin(Margin { margin_steps, spread_steps: 3.0, nearest: nearest.clone() });
+        let area = FalseArea { tool: "red".into(), frame: 7, share, largest_of_band: 0.7 };
+        let problems = [
+            TapeProblem::NotMarked,
+            TapeProblem::MarkedOnce,
+            TapeProblem::Lost { share, to: Some(nearest.clone()), light },
+            TapeProblem::OddRectangle { share, at: RectanglePlace { frame: 7, x: 30, y: 40 } },
+            TapeProblem::Taken { share, from: nearest.clone(), light: LightCondition::AsMarked },
+            thin(-1.0),
+            thin(2.0),
+            TapeProblem::FalseRegion(area),
+        ];
+        let causes: Vec<ColourCause> = problems.iter().map(ColourCause::from).collect();
+        assert!(
+            causes.iter().map(|cause| cause.fault).eq(ColourFault::ALL.iter().copied()),
+            "each fault once, in order"
+        );
+        assert_eq!((causes[2].label.as_deref(), causes[2].light.as_deref()), (Some("cyan"), Some("30 % darker")));
+        assert_eq!((causes[3].frame, causes[3].at), (Some(7), Some([30, 40])));
+        assert_eq!((causes[4].share, &causes[4].light), (Some(share), &None), "the light was as marked");
+        assert_eq!((causes[6].steps, causes[7].largest_of_band), (Some([2.0, 3.0]), Some(0.7)));
     }
 }

@@ -1,4 +1,4 @@
-// One box: its camera and its tape colours, each with both ways to provide them, and its self-test.
+// One box: its camera and the colours of its tools, each with both ways to provide them, and its self-test.
 import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -12,6 +12,7 @@ import { SelfTestForm, SelfTestSummary, TodaysLight } from '../parts/boxes/box_s
 import { RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
 import { ownerGroups } from '../parts/forms/owners.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { isBare } from '../setup/marks.js';
 import { boxFields, CameraState, PaletteState, tokenWarning } from './boxes.js';
 
 const words = t.box;
@@ -49,6 +50,7 @@ export default function BoxPage({ person, route }) {
     return html`<${PageHead} title=${t.nav.boxes} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const isReady = box.calibration && box.palette;
+  const hasTape = !box.tools.length || !box.tools.every(isBare);
   return html`
     <${PageHead} title=${box.name} lead=${[box.code, box.view && t.boxes.views[box.view], box.notes].filter(Boolean).join(' · ')}>
       ${mayEdit && html`<a class=${`button ${isReady ? '' : 'main'}`} href=${href(['boxes', box.id, 'setup'])}>${t.setup.open}</a>`}
@@ -71,14 +73,14 @@ export default function BoxPage({ person, route }) {
         <header><h2>${words.palette}</h2><${PaletteState} palette=${box.palette} /></header>
         <div class="body stack">
           <${PaletteSummary} palette=${box.palettes[0]} />
-          ${mayEdit && html`<${PaletteAdvice} box=${box} />`}
+          ${mayEdit && hasTape && html`<${PaletteAdvice} box=${box} />`}
           ${mayEdit && html`<${PaletteForm} box=${box} onChange=${reload} />`}
         </div>
       </section>
       <section class="card">
         <header><h2>${t.selfTest.title}</h2><${TodaysLight} test=${box.self_test} /></header>
         <div class="body stack">
-          <${SelfTestSummary} tests=${box.selfTests} />
+          <${SelfTestSummary} box=${box} tests=${box.selfTests} />
           ${may(person, 'edit_boxes') && box.calibration && box.palette && html`<${SelfTestForm} box=${box} camera=${box.camera}
             isFirst=${box.selfTests.length === 0} onChange=${reload} />`}
         </div>

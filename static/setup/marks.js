@@ -86,8 +86,12 @@ export function annotationsOf({ tools, view, frames }) {
   return { ...needs, ...(view ? { view } : {}), tools: tools.map(toolEntry), labels };
 }
 
-/** Whether a tool has no tape: its bare shaft is its marker. */
-export const isBare = ({ marker }) => Boolean(marker);
+/**
+ * Whether a tool has no tape: its bare shaft is its marker.
+ *
+ * @param {{ marker?: { kind: string } | null }} tool
+ */
+export const isBare = ({ marker }) => marker?.kind === 'shaft';
 
 /** A tool as annotations.json has it. Without its own name it is named after its tape, or if bare after its side. */
 export function toolEntry({ tape, name, side, diameter, band, marker }) {

@@ -4,7 +4,6 @@ import { isBare } from './marks.js';
 /** The label of the pieces of a bare shaft. */
 const SHAFT = 'shaft';
 const SIDES = ['left', 'right'];
-const USUAL_DIAMETER_MM = 5;
 
 /** Whether the tool at `index` may be bare: at most one of the others comes from each side. */
 export const mayBeBare = (tools, index) =>
@@ -34,8 +33,9 @@ const otherSide = side => SIDES.find(other => other !== side);
 
 const tapedTool = id => ({ id, tape: '', name: '', side: '' });
 
+/** Without a diameter: a usual one would be taken for measured, and all lengths grow with it. */
 function bareTool(id, tools) {
   const taken = tools.filter(tool => tool.id !== id && isBare(tool)).map(tool => tool.side);
   const side = SIDES.find(one => !taken.includes(one));
-  return { id, tape: SHAFT, name: '', side, diameter: USUAL_DIAMETER_MM, marker: { kind: 'shaft' } };
+  return { id, tape: SHAFT, name: '', side, marker: { kind: 'shaft' } };
 }

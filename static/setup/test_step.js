@@ -16,6 +16,6 @@ export function TestStep({ box, stepHref, onChange }) {
   const [test] = box.selfTests;
   return html`
     ${test && isTestOutdated(test, box) && html`<${Notice} tone="warn" quiet title=${words.older}>${words.olderBody}<//>`}
-    <${SelfTestSummary} tests=${box.selfTests} />
+    <${SelfTestSummary} box=${box} tests=${box.selfTests} />
     <${SelfTestForm} box=${box} camera=${box.camera} isFirst=${box.selfTests.length === 0} onChange=${onChange} />`;
 }

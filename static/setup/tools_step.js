@@ -31,7 +31,7 @@ export function ToolsStep({ box, draft, stepHref, onChange }) {
     focusSoon(ADD, 'setup-step');
   };
   return html`
-    ${(tools.length === 0 || !tools.every(isBare)) && html`<${How} picture=${ToolPicture} lines=${words.how} />`}
+    ${!tools.every(isBare) && html`<${How} picture=${ToolPicture} lines=${words.how} />`}
     ${tools.some(isBare) && html`<${How} picture=${BareToolPicture} lines=${words.bare.how} />`}
     <datalist id="tapes">${tapeNames.map(name => html`<option key=${name} value=${name} />`)}</datalist>
     ${known && html`<${Known} tools=${box.tools} onTake=${() => set(box.tools.map(plannedTool))} />`}

@@ -1,5 +1,6 @@
 // A person sets up two instruments without tape in the set-up page: sides and sizes, pieces of the shafts painted with
 // the mouse, and the picture of the empty box. REST then has both markers, and the picture stays until it is removed.
+// The box's page and the session of a recording then speak of shafts, not of tape.
 //
 // Environment: as person.mjs, and TROCAR_BARE (a simulated scene of bare tools: clip.mp4, annotations.json, truth.json,
 // empty.jpg).
@@ -21,12 +22,12 @@ const photo = join(scene, 'empty.jpg');
 const WIDTHS = [1280, 390];
 
 let browser;
-let page, pageFaults, getJson, create, takePictures, signIn, button;
+let page, pageFaults, getJson, create, open, takePictures, signIn, button;
 let box;
 
 before(async () => {
   browser = await launch();
-  ({ page, pageFaults, getJson, create, takePictures, signIn, button } = await person(browser, { prefix: 'bare-' }));
+  ({ page, pageFaults, getJson, create, open, takePictures, signIn, button } = await person(browser, { prefix: 'bare-' }));
   page.setDefaultTimeout(timeoutMs);
 });
 
@@ -60,10 +61,12 @@ test('an instrument without tape is described by its side and its tube, and a se
   await button('Add a box').waitFor();
   ({ id: box } = await create('boxes', { name: `Box without tape ${Date.now()}`, view: 'top' }));
   await page.goto(`${url}/boxes/${box}/setup?step=tools`);
+  await page.getByText('It may have tape or not').waitFor();
+  assert.equal(await page.getByText('Wind the tape').count(), 0, 'nothing is to be wound yet');
   await button('Add an instrument').click();
   await kindOf(0).selectOption('bare');
   const diameter = tool(0).getByLabel('Diameter of the tube');
-  assert.equal(await diameter.inputValue(), '5', 'the usual diameter is suggested');
+  assert.equal(await diameter.inputValue(), '', 'no diameter is suggested: it has to be measured');
   await diameter.fill(String(marks.tools[0].diameter_mm));
   await tool(0).getByText('Collar and jaws').click();
   await tool(0).getByLabel('Length of the collar').fill('8');
@@ -156,6 +159,50 @@ test('the picture stays when the colours are learned again, until another moment
   await page.getByText('The stored picture will be removed').waitFor();
   await checkStep('learned');
   assert.equal((await learn(4)).annotations.empty_box, undefined);
+});
+
+test('the page of the box does not ask for tape, and its self-test uses a rod without tape', async () => {
+  await open(`/boxes/${box}`);
+  const card = page.locator('section.card', { has: page.getByRole('heading', { name: 'Tool colours' }) });
+  const table = card.locator('table').first();
+  assert.deepEqual(await table.locator('thead th').allInnerTexts(), ['Tool', 'Tape', 'Hand', 'Diameter']);
+  assert.deepEqual(await table.locator('tbody td:nth-child(2)').allInnerTexts(), Array(2).fill('no tape (bare shaft)'));
+  assert.equal(await page.getByText('Which tape to buy?').count(), 0);
+  await page.evaluate(
+    async ([at, body]) => fetch(at, { method: 'PUT', headers: { 'Content-Type': 'application/json' }, body }),
+    [`/api/v1/boxes/${box}/camera`, readFileSync(join(scene, 'camera.json'), 'utf8')],
+  );
+  await open(`/boxes/${box}`);
+  await page.getByText('Take a rod with a flat end').waitFor();
+  assert.equal(await page.getByText('Wind the box’s tape').count(), 0);
+});
+
+/** The texts about a session that may speak of tape only to say that there is none, or that it would be better. */
+const allowed = text => text.replaceAll(/it has no tape|with tape it is smaller|Without tape/g, '');
+
+test('the session of a recording puts the features in the image first, and does not speak of tape', async () => {
+  const [trainee, task] = [await create('trainees', { name: 'Una Bloom' }), await create('tasks', { name: 'Pegs without tape' })];
+  const id = await page.evaluate(
+    async ([at, clip]) => {
+      const body = Uint8Array.from(atob(clip), letter => letter.charCodeAt(0));
+      return (await (await fetch(at, { method: 'POST', headers: { 'Content-Type': 'video/mp4' }, body })).json()).id;
+    },
+    [`/api/v1/sessions?trainee=${trainee.code}&task=${task.code}&box=${box}&filename=bare.mp4`, readFileSync(join(scene, 'clip.mp4')).toString('base64')],
+  );
+  await waitUntil(async () => ['done', 'failed'].includes((await getJson(`sessions/${id}`)).status), 'the score');
+  const { quality, error } = await getJson(`sessions/${id}`);
+  assert.notEqual(quality?.verdict ?? 'failed', 'failed', JSON.stringify(error));
+  const ofTools = quality.reasons.filter(({ tool }) => tool);
+  assert.ok(ofTools.length > 0 && ofTools.every(reason => reason.is_bare), JSON.stringify(ofTools));
+  await open(`/sessions/${id}`);
+  await page.getByText('Without tape, depth is uncertain').waitFor();
+  assert.equal(await button('In the image').getAttribute('aria-pressed'), 'true');
+  await button('In space').click();
+  assert.equal(await button('In the image').getAttribute('aria-pressed'), 'false');
+  await page.locator('details summary').evaluateAll(all => all.forEach(one => (one.parentElement.open = true)));
+  assert.doesNotMatch(allowed(await page.locator('main').innerText()), /tape/i);
+  await takePictures('session');
+  await page.evaluate(async at => fetch(at, { method: 'DELETE' }), `/api/v1/sessions/${id}`);
 });
 
 test('no page sent a request to another origin, violated the security policy or threw an error', () => {

@@ -176,11 +176,13 @@ async function figuresOfSession() {
     await every.waitFor({ state: 'detached' });
     await placesLoaded();
   }
+  const inSpace = page.getByRole('button', { name: 'In space', exact: true });
+  if (await inSpace.count()) await inSpace.click(); // Where depth is uncertain, the features in the image come first.
   const figures = featureFigures(data, '3d', await featureCells(), places);
   if (data.features.some(one => one.space === 'image')) {
     await page.getByRole('button', { name: 'In the image', exact: true }).click();
     figures.push(...featureFigures(data, 'image', await featureCells()));
-    await page.getByRole('button', { name: 'In space', exact: true }).click();
+    await inSpace.click();
   }
   const made = await facts(page.locator('.card', { has: page.getByRole('heading', { name: 'Made with' }) }).locator('dl'));
   const { video } = data;
@@ -342,7 +344,7 @@ async function figuresOfBox() {
     ['focal length', said['Focal length'], `${threeDigits(camera.fx)} × ${threeDigits(camera.fy)} px`],
     ['principal point', said['Principal point'], `${threeDigits(camera.cx)}, ${threeDigits(camera.cy)} px`],
   ];
-  const [tapes, counts] = [await cells(card('Tape colours').locator('table').first()), await cells(card('Tape colours').locator('table').nth(1))];
+  const [tapes, counts] = [await cells(card('Tool colours').locator('table').first()), await cells(card('Tool colours').locator('table').nth(1))];
   palettes[0].tools.forEach((tool, i) => figures.push([tool.name, tapes[i].slice(-2).join(),
     [tool.diameter_mm, tool.band_length_mm].map(size => (size ? `${threeDigits(size)} mm` : '–')).join()]));
   palettes[0].counts.forEach((one, i) => figures.push([`samples of ${one.label}`, counts[i][1], String(one.samples)]));

@@ -176,17 +176,31 @@ impl ToProblem for CalibrationProblem {
     }
 }
 
-/// No tool was measured on any frame.
-pub(super) fn never_seen(quality: &Quality) -> Problem {
+/// No tool was measured on any frame. `is_bare`: whether all tools are without tape.
+pub(super) fn never_seen(quality: &Quality, is_bare: bool) -> Problem {
+    if quality.light.is_empty() {
+        let detail = "the picture is too dark to see any tool; switch on the light of the box, or set a longer \
+                      exposure, and record again";
+        return Problem::new("too-dark", "The picture is too dark", detail);
+    }
     let tool = |t: &ToolQuality| {
         let reason = t.reasons.iter().max_by_key(|(_, n)| **n).map_or("not seen", |(reason, _)| reason.name());
         format!("`{}`: {}", t.tool, reason.replace('_', " "))
     };
     let tools: Vec<String> = quality.tools.iter().map(tool).collect();
+    let (frames, reasons) = (quality.frames, tools.join(", "));
+    if is_bare {
+        let detail = format!(
+            "no tool was found on any of {frames} frames ({reasons}). Look at the recording: are the shafts in the \
+             picture, and do they differ from the floor of the box in brightness or colour? If so, mark the shafts \
+             again on frames of this recording, check their diameters, and score it again. If not, record with a floor \
+             of another colour"
+        );
+        return Problem::new("no-shaft-seen", "No shaft was found", detail);
+    }
     let detail = format!(
-        "no tool was measured on any of {} frames ({}); mark the tape again on a frame of this recording, in its light",
-        quality.frames,
-        tools.join(", ")
+        "no tool was measured on any of {frames} frames ({reasons}); mark the tape again on a frame of this recording, \
+         in its light"
     );
     Problem::new("no-tool-seen", "No tool was seen", detail)
 }
@@ -218,6 +232,24 @@ pub(super) fn mark_outside(mark: &ColourMark, width: usize, height: usize) -> Pr
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vision::reason::MissReason;
+    use crate::vision::tracker::LightSample;
+
+    #[test]
+    fn a_recording_without_any_tool_gets_advice_for_its_tools_and_its_light() {
+        let reasons = [(MissReason::PoorFit, 20)].into();
+        let tool = ToolQuality { tool: "left".into(), missing: 20, reasons, ..ToolQuality::default() };
+        let mut quality = Quality { frames: 20, tools: vec![tool], ..Quality::default() };
+        for is_bare in [true, false] {
+            let dark = never_seen(&quality, is_bare);
+            assert!(dark.slug == "too-dark" && dark.detail.contains("light of the box"), "{dark:?}");
+        }
+        quality.light = vec![LightSample { time_s: 0.0, luma_ratio: 1.0, chroma_shift: [0.0; 2] }];
+        let [bare, taped] = [true, false].map(|is_bare| never_seen(&quality, is_bare));
+        assert_eq!([&*bare.slug, &*taped.slug], ["no-shaft-seen", "no-tool-seen"]);
+        assert!(bare.detail.contains("poor fit") && !bare.detail.contains("tape"), "{bare:?}");
+        assert!(taped.detail.contains("mark the tape again"), "{taped:?}");
+    }
 
     #[test]
     fn a_file_that_cannot_be_used_is_known_as_such_and_what_may_pass_is_not() {

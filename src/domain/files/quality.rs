@@ -19,7 +19,7 @@ use crate::vision::tracker::{EffectiveDiameter, Quality, ToolQuality};
 pub struct QualityDocument {
     /// `valid`, `usable_with_care` or `refused`; a refused session's features are withheld.
     pub verdict: &'static str,
-    /// Why, worst first.
+    /// Why: first what may explain the others, then the worst.
     pub reasons: Vec<ConcernDocument>,
     /// Decoded frames.
     pub frames: u64,
@@ -38,6 +38,9 @@ pub struct ConcernDocument {
     pub severity: &'static str,
     /// The tool; `null` for the session as a whole.
     pub tool: Option<String>,
+    /// True if the tool was followed by its bare shaft, so that the advice does not speak of tape; absent if not.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_bare: bool,
     /// The marked label that a colour is too similar to; `null` for other problems.
     pub label: Option<String>,
     /// The longest stretch without a position, if tracking was lost.
@@ -262,6 +265,7 @@ impl From<&Concern> for ConcernDocument {
             name: concern.cause.name(),
             severity: concern.severity.name(),
             tool: concern.tool.clone(),
+            is_bare: concern.is_bare,
             label: concern.label.clone(),
             longest: concern.longest.map(LostDocument::from),
             rows: concern.rows.map(JumpDocument::from),

@@ -1,9 +1,11 @@
-// A box's tape colours: the learned palette, and learning from annotations with the clip or frames that they mark.
+// The colours of a box's tools: the learned palette, and learning from annotations with the clip or frames that they mark.
 import { html, useState } from '../../preact.js';
 import { api, Problem } from '../../api.js';
 import { dateTime, number } from '../../format.js';
 import { t } from '../../texts.js';
+import { colourReason } from '../../translate.js';
 import { readJson } from './box_camera.js';
+import { isBare } from '../../setup/marks.js';
 import { Form } from '../forms/form.js';
 import { jobIdOf, JobProgress } from '../forms/job.js';
 
@@ -25,6 +27,7 @@ const FIELDS = [
 export function PaletteSummary({ palette }) {
   if (!palette) return html`<p class="muted">${words.noPalette}</p>`;
   const hasSides = palette.tools.some(tool => sideOf(tool, palette.tools));
+  const hasTape = !palette.tools.every(isBare);
   return html`
     <p class="small muted">${words.learnedAs(palette.version, dateTime(palette.created_at))}</p>
     <div class="columns">
@@ -35,34 +38,39 @@ export function PaletteSummary({ palette }) {
             <th scope="col">${words.tape}</th>
             ${hasSides && html`<th scope="col">${words.hand}</th>`}
             <th scope="col" class="number">${words.diameter}</th>
-            <th scope="col" class="number">${words.band}</th>
+            ${hasTape && html`<th scope="col" class="number">${words.band}</th>`}
           </tr>
         </thead>
-        <tbody>${palette.tools.map(tool => html`<${Tool} key=${tool.name} tool=${tool}
+        <tbody>${palette.tools.map(tool => html`<${Tool} key=${tool.name} tool=${tool} hasTape=${hasTape}
           side=${hasSides && (sideOf(tool, palette.tools) ?? '–')} />`)}</tbody>
       </table>
       <table class="table dense">
         <thead><tr><th scope="col">${words.label}</th><th scope="col" class="number">${words.samples}</th></tr></thead>
         <tbody>
           ${palette.counts.map(({ label, samples }) => html`
-            <tr key=${label}><th scope="row">${label}</th><td class="number">${samples}</td></tr>`)}
+            <tr key=${label}><th scope="row">${labelOf(label, hasTape)}</th><td class="number">${samples}</td></tr>`)}
         </tbody>
       </table>
     </div>
     ${palette.verdicts && html`<${Verdicts} verdicts=${palette.verdicts} />`}`;
 }
 
+/** A label of the marks in words; the name of a tape's colour is the person's own. */
+const labelOf = (label, hasTape) => (hasTape ? t.setup.colours : t.setup.colours.bare).labels[label] ?? label;
+
 const GRADES = { good: 'good', at_risk: 'warn', bad: 'bad' };
 
 /** The grades of the colours, before anything is recorded with them. */
 export const Verdicts = ({ verdicts }) => html`
   <ul class="stack">
-    ${verdicts.map(({ tool, grade, reasons }) => html`
+    ${verdicts.map(({ tool, grade, reasons, causes }) => html`
       <li key=${tool} data-grade=${grade}>
         <span class=${`pill ${GRADES[grade]}`}>${tool}: ${words.grades[grade]}</span>
-        ${reasons.map(reason => html`<p key=${reason} class="small muted">${reason}</p>`)}
+        ${reasons.map((reason, at) => html`<${Reason} key=${reason} ...${colourReason(reason, causes?.[at])} />`)}
       </li>`)}
   </ul>`;
+
+const Reason = ({ text, lang }) => html`<p class="small muted" lang=${lang}>${text}</p>`;
 
 /** The service gives the tape's colour only if it is not the tool's name. */
 const tapeOf = tool => tool.colour ?? tool.name;
@@ -79,13 +87,13 @@ function sideOf(tool, tools) {
   return words.byOrder(words.sides[tool === pair[0] ? 'left' : 'right']);
 }
 
-const Tool = ({ tool, side }) => html`
+const Tool = ({ tool, side, hasTape }) => html`
   <tr>
     <th scope="row">${tool.name}</th>
-    <td>${tapeOf(tool)}</td>
+    <td>${isBare(tool) ? words.bare : tapeOf(tool)}</td>
     ${side && html`<td>${side}</td>`}
     <td class="number">${number(tool.diameter_mm)} mm</td>
-    <td class="number">${tool.band_length_mm ? `${number(tool.band_length_mm)} mm` : '–'}</td>
+    ${hasTape && html`<td class="number">${tool.band_length_mm ? `${number(tool.band_length_mm)} mm` : '–'}</td>`}
   </tr>`;
 
 /** @param {Props} props */

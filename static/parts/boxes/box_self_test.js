@@ -2,6 +2,7 @@
 import { html, useState } from '../../preact.js';
 import { api } from '../../api.js';
 import { date, dateTime, fixed } from '../../format.js';
+import { isBare } from '../../setup/marks.js';
 import { t } from '../../texts.js';
 import { selfTestAdvice, selfTestFinding } from '../../translate.js';
 import { Form } from '../forms/form.js';
@@ -30,8 +31,19 @@ const FIELDS = [
     required: true,
     wide: true,
   },
-  { name: 'reach', label: words.reach, hint: words.reachHint, type: 'number', min: 0, max: 100, step: 'any' },
 ];
+
+/** Of the steps, the one that prepares the rod. */
+const ROD_STEP = 1;
+
+/** The texts for a box with tape, or with bare tools only. */
+function wordsFor(box) {
+  if (!box.tools.length || !box.tools.every(isBare)) return words;
+  const { rod, ...bare } = words.bare;
+  return { ...words, ...bare, steps: words.steps.map((step, at) => (at === ROD_STEP ? rod : step)) };
+}
+
+const reachField = ({ reach, reachHint }) => ({ name: 'reach', label: reach, hint: reachHint, type: 'number', min: 0, max: 100, step: 'any' });
 
 /** Today's light, in the head of the card and in the list of boxes. @param {Props} props */
 export const TodaysLight = ({ test }) =>
@@ -41,9 +53,9 @@ const LightPill = ({ light, name }) => html`
   <span class=${`pill ${TONES[light]}`}>${name ? words.partLight(name, words.lights[light]) : words.lights[light]}</span>`;
 
 /** @param {Props} props */
-export function SelfTestSummary({ tests }) {
+export function SelfTestSummary({ box, tests }) {
   const [last] = tests;
-  if (!last) return html`<p class="muted">${words.none}</p>`;
+  if (!last) return html`<p class="muted">${wordsFor(box).none}</p>`;
   return html`
     <p class="small muted">${words.lastAt(dateTime(last.created_at), last.who)}</p>
     <ul class="stack tight" data-self-test=${last.light}>
@@ -122,7 +134,8 @@ function Days({ tests }) {
 export function SelfTestForm({ box, camera, isFirst, onChange }) {
   const [job, setJob] = useState(null);
   const namesBoard = Boolean(camera?.board && camera?.square_mm);
-  const fields = namesBoard ? FIELDS : [...FIELDS, ...BOARD];
+  const own = wordsFor(box);
+  const fields = [...FIELDS, reachField(own), ...(namesBoard ? [] : BOARD)];
   const send = async ({ video: [file], reach, columns, rows, square }) => {
     const form = new FormData();
     form.append('video', file, file.name);
@@ -137,7 +150,7 @@ export function SelfTestForm({ box, camera, isFirst, onChange }) {
     <section class="stack">
       <details open=${isFirst}>
         <summary>${words.howTo}</summary>
-        <ol class="numbered">${words.steps.map(step => html`<li key=${step}>${step}</li>`)}</ol>
+        <ol class="numbered">${own.steps.map(step => html`<li key=${step}>${step}</li>`)}</ol>
       </details>
       <h3>${words.send}</h3>
       <p class="small muted">${namesBoard ? words.boardKnown(camera.board.replace('x', ' × '), camera.square_mm) : words.boardUnknown}</p>

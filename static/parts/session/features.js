@@ -30,10 +30,18 @@ export function featureRows(features, space) {
   return [...rows.values()];
 }
 
-/** @param {Props} props */
-export function Features({ features, live, tools, places, withheld, evidence, playback }) {
+/**
+ * `hasPoorDepth`: whether the features in the image come first, because depth is uncertain. Features with a limit come
+ * first in any case: they are in space.
+ *
+ * @param {Props} props
+ */
+export function Features({ features, live, tools, places, withheld, hasPoorDepth, evidence, playback }) {
   const [open, setOpen] = useState(null);
-  const [space, setSpace] = useState('3d');
+  const [chosen, setSpace] = useState(null);
+  const isImageFirst = hasPoorDepth && features?.some(({ space }) => space === 'image') &&
+    !features.some(({ space, target }) => space === '3d' && target);
+  const space = chosen ?? (isImageFirst ? 'image' : '3d');
   if (withheld) return html`<${Empty} title=${words.withheld} body=${words.withheldBody} />`;
   if (!features?.length) return html`<${Empty} title=${words.noFeatures} body=${words.noFeaturesBody} />`;
   const rows = featureRows(features, space);
@@ -53,6 +61,7 @@ export function Features({ features, live, tools, places, withheld, evidence, pl
         ${spaces.map(name => html`<button key=${name} class="button" type="button" aria-pressed=${space === name}
           onClick=${() => setSpace(name)}>${name === '3d' ? words.space3d : words.image}</button>`)}
       </div>`}
+    ${isImageFirst && html`<p class="small muted chooser">${words.imageFirst}</p>`}
     <${CohortChooser} places=${places} />
     ${liveRows.size > 0 && html`<p class="small muted chooser">${words.liveDiffers}</p>`}
     ${general.map(why => html`<p key=${why} class="small muted chooser" lang=${serviceLang}>${why}</p>`)}

@@ -71,9 +71,9 @@ impl SelfTestAdvice {
                 "hold the end of the rod still on six corners of the board, 2 s on each, and do not move the board"
             }
             SelfTestAdvice::CheckRod => {
-                "all touches are off to the same side in depth: check that the rod's diameter and the tape's length \
-                 are those entered with the box's colours, and that the tape ends at the rod's end; then calibrate \
-                 the camera again"
+                "all touches are off to the same side in depth: check that the rod's diameter is the one entered with \
+                 the box's colours, and if it has tape, also the tape's length, and that the tape ends at the rod's \
+                 end; then calibrate the camera again"
             }
             SelfTestAdvice::RepeatTouches => {
                 "repeat the touches carefully; if the error stays, calibrate the camera again with about 20 photos"

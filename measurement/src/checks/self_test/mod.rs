@@ -87,6 +87,8 @@ pub struct SelfTestFindings {
     /// Distance of the rod's trocar from its position in the box's sessions; with several tools, the largest distance
     /// that is certain. `None` if either position is not known, for example if the rod is held without a trocar.
     pub trocar_shift: Option<Displacement>,
+    /// True if no tool has tape, so that there is no tape's colour to check.
+    pub has_only_bare_tools: bool,
     /// Margin of each tool's colour against other colours.
     pub colours: Vec<(String, ColourSeparation)>,
     /// Largest region of today's empty box that has a tape's colour, with the colour's label, as a multiple of the
@@ -121,6 +123,7 @@ pub fn measure(watch: BoardWatch, evidence: &SelfTestEvidence<'_>) -> SelfTestFi
         touches,
         placements,
         trocar_shift: shifts.max_by(|a, b| a.is_significant().cmp(&b.is_significant()).then(a.mm.total_cmp(&b.mm))),
+        has_only_bare_tools: !evidence.tools.is_empty() && evidence.tools.iter().all(ToolSpec::is_bare),
         colours: tools.into_iter().map(|tool| (tool.tool, tool.colour)).collect(),
         false_regions,
         exposure_drift: session.exposure_drift,

@@ -46,6 +46,8 @@ struct TestRecording {
     trocar: Option<Point3<f64>>,
     /// Pixels of the empty box that have the tape's colour, if the box was seen empty.
     orange_px: Option<f64>,
+    /// What shows where the rod is.
+    marker: Marker,
 }
 
 impl Default for TestRecording {
@@ -59,6 +61,7 @@ impl Default for TestRecording {
             sigma_z_mm: 0.4,
             trocar: None,
             orange_px: Some(0.0),
+            marker: Marker::Band { length_mm: None },
         }
     }
 }
@@ -83,7 +86,7 @@ impl TestRecording {
             colour: "orange".into(),
             side: None,
             diameter_mm: 2.0 * RADIUS_MM,
-            marker: Marker::Band { length_mm: None },
+            marker: self.marker,
         };
         let steady = |time_s| LightSample { time_s, luma_ratio: 1.0, chroma_shift: [0.0; 2] };
         let tool = ToolQuality { tool: "orange".into(), fulcrum: self.trocar.map(trocar), ..ToolQuality::default() };
@@ -320,6 +323,15 @@ fn a_box_that_contains_the_tapes_colour_today_is_not_green_even_if_it_was_marked
     let unseen = colours(None);
     assert_eq!(unseen.signal, Signal::NotMeasured, "{unseen:?}");
     assert!(unseen.finding.contains("never seen") && unseen.advice == Some(SelfTestAdvice::ClearView), "{unseen:?}");
+}
+
+#[test]
+fn a_rod_without_tape_is_not_asked_for_the_colour_of_a_tape() {
+    let marker = Marker::Shaft { collar_mm: None, jaw_mm: None };
+    let findings = TestRecording { marker, orange_px: None, ..TestRecording::default() }.findings();
+    let verdict = verdict::judge(&findings, None);
+    assert!(verdict.parts.iter().all(|part| part.part != SelfTestPart::Colours), "{verdict:?}");
+    assert!(verdict.signal < Signal::NotMeasured, "{verdict:?}");
 }
 
 #[test]

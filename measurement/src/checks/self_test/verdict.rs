@@ -71,7 +71,7 @@ pub fn judge(findings: &SelfTestFindings, calibration_rms_px: Option<f64>) -> Se
         Some(accuracy(findings)),
         Some(calibration(findings, calibration_rms_px)),
         place(findings),
-        Some(colours(findings)),
+        (!findings.has_only_bare_tools).then(|| colours(findings)),
         Some(lighting(findings)),
     ]
     .into_iter()

@@ -32,7 +32,7 @@ pub const MIN_STRUCTURE_DIFFERENT: f64 = 0.4;
 
 /// A camera whose picture is shifted by more has moved; share of the picture's longer side: the search is right to a
 /// third of that.
-const MIN_SHIFT: f64 = 0.01;
+pub(super) const MIN_SHIFT: f64 = 0.01;
 
 /// Largest displacement of the trocars that a nudge of the camera explains, mm: a turn by 6° at 250 mm.
 pub const MAX_NUDGE_MM: f64 = 25.0;
@@ -117,6 +117,11 @@ impl BoxMatch {
         let resemblance = self.resemblance.filter(|_| self.is_open())?;
         (surroundings_finding(&resemblance) == SurroundingsFinding::Different)
             .then_some(resemblance.correlation.max(0.0))
+    }
+
+    /// Shift of the view, as a share of the picture's longer side, if the surroundings are alike.
+    pub fn view_shift(&self) -> Option<f64> {
+        self.resemblance.filter(are_alike).map(|resemblance| resemblance.shift)
     }
 
     /// The displacement of the trocars, mm, if it is a reason for an open question.

@@ -13,6 +13,12 @@ pub enum QualityCause {
     BoxTrocars,
     /// No tool was ever measured.
     NothingSeen,
+    /// The camera moved during the recording.
+    CameraMovedDuring,
+    /// A tool has no tape, and the view differs from that of the box's own pictures.
+    ViewShifted,
+    /// The picture's brightness changes.
+    Exposure,
     /// A tool was never in the picture.
     NeverInPicture,
     /// A tool's colour is too close to something that is not a tool.
@@ -27,8 +33,6 @@ pub enum QualityCause {
     Lost,
     /// A tool's axes do not show its trocar.
     NoTrocar,
-    /// A tool has no tape, so its depth is less certain.
-    BareTool,
     /// A tool's stated band is longer than its diameter and the picture allow.
     BandTooLong,
     /// A tool's stated band is shorter than its diameter and the picture allow.
@@ -45,6 +49,8 @@ pub enum QualityCause {
     Spike,
     /// A band's borders do not fit a straight tube.
     BorderResidual,
+    /// A tool has no tape, so its depth is less certain.
+    BareTool,
     /// A resting tool would appear to move.
     NoiseFloor,
     /// Positions are too uncertain: the median of their stated standard deviations is too large. The name does not mean
@@ -66,12 +72,8 @@ pub enum QualityCause {
     BeginsInMotion,
     /// The recording ends before the end of the task.
     EndsInMotion,
-    /// The picture's brightness changes.
-    Exposure,
     /// The picture's white balance changes.
     WhiteBalance,
-    /// The camera moved during the recording.
-    CameraMovedDuring,
     /// All trocars are displaced, as if the camera had moved since earlier sessions.
     CameraMoved,
     /// One trocar is displaced from its position in earlier sessions.
@@ -103,6 +105,10 @@ const MOVED_DURING: &str = "the path jumps there, and positions before and after
                             still and everything else in the picture was moved, such as the whole board, lengths and \
                             speeds are right";
 
+/// What to do about a view that differs from that of the box's own pictures.
+const VIEW_SHIFTED: &str = "the picture of the empty box no longer fits, so tools without tape may be lost: put the \
+                            camera back, or take a new picture of the empty box and learn the colours again";
+
 /// What to do about sizes that the picture contradicts.
 const OTHER_SIZES: &str = "measure both again, the diameter over the tape and the length of the band along the tube, \
                            correct them in the box's set-up, and score the recording again: all its lengths may be \
@@ -110,11 +116,14 @@ const OTHER_SIZES: &str = "measure both again, the diameter over the tape and th
 
 impl QualityCause {
     /// Every cause, in the order to fix them.
-    pub const ALL: [QualityCause; 35] = [
+    pub const ALL: [QualityCause; 36] = [
         QualityCause::OtherBox,
         QualityCause::BoxSurroundings,
         QualityCause::BoxTrocars,
         QualityCause::NothingSeen,
+        QualityCause::CameraMovedDuring,
+        QualityCause::ViewShifted,
+        QualityCause::Exposure,
         QualityCause::NeverInPicture,
         QualityCause::ColourBackground,
         QualityCause::ColourPair,
@@ -122,7 +131,6 @@ impl QualityCause {
         QualityCause::LeftView,
         QualityCause::Lost,
         QualityCause::NoTrocar,
-        QualityCause::BareTool,
         QualityCause::BandTooLong,
         QualityCause::BandTooShort,
         QualityCause::Predicted,
@@ -131,6 +139,7 @@ impl QualityCause {
         QualityCause::Jump,
         QualityCause::Spike,
         QualityCause::BorderResidual,
+        QualityCause::BareTool,
         QualityCause::NoiseFloor,
         QualityCause::ErrorBar,
         QualityCause::Calibration,
@@ -141,9 +150,7 @@ impl QualityCause {
         QualityCause::Break,
         QualityCause::BeginsInMotion,
         QualityCause::EndsInMotion,
-        QualityCause::Exposure,
         QualityCause::WhiteBalance,
-        QualityCause::CameraMovedDuring,
         QualityCause::CameraMoved,
         QualityCause::PortMoved,
     ];
@@ -184,6 +191,7 @@ impl QualityCause {
             QualityCause::Exposure => "exposure",
             QualityCause::WhiteBalance => "white_balance",
             QualityCause::CameraMovedDuring => "camera_moved_during",
+            QualityCause::ViewShifted => "view_shifted",
             QualityCause::CameraMoved => "camera_moved",
             QualityCause::PortMoved => "port_moved",
         }
@@ -306,6 +314,9 @@ impl QualityCause {
             QualityCause::CameraMovedDuring => {
                 format!("the camera moved during the recording, by {figure} mm at the depth of the tools")
             }
+            QualityCause::ViewShifted => {
+                format!("the camera's view is shifted by {figure} % of the picture since the box's own pictures")
+            }
             QualityCause::CameraMoved => format!(
                 "the camera has moved since earlier recordings with this calibration: all trocars are {figure} mm from \
                  where they were"
@@ -334,8 +345,8 @@ impl QualityCause {
         }
     }
 
-    /// What to do about it.
-    pub fn advice(self) -> &'static str {
+    /// What to do about it; `is_bare`: whether it concerns a tool without tape.
+    pub fn advice(self, is_bare: bool) -> &'static str {
         match self {
             QualityCause::OtherBox => {
                 "upload the recording again under the box where it was made, then erase this session"
@@ -345,7 +356,8 @@ impl QualityCause {
                  wrong: another box has another camera"
             }
             QualityCause::NothingSeen => {
-                "mark the tape or the bare shaft again on a frame of this recording, in this light"
+                "switch on the light of the box, and keep the tools in the picture. If both was so, mark the tape or \
+                 the bare shaft again on a frame of this recording"
             }
             QualityCause::NeverInPicture => {
                 "if the task needs this tool, mark its tape or its bare shaft again in this light; if not, there is \
@@ -356,7 +368,7 @@ impl QualityCause {
             }
             QualityCause::ColourPair => "wind a tape of another colour on one of the two tools, and mark both again",
             QualityCause::Coverage => {
-                "keep the tape or the bare shaft in view of the camera; the quality report lists why it was not seen"
+                "keep the tool in view of the camera; the quality report lists why it was not seen"
             }
             QualityCause::LeftView => {
                 "keep the tip in the picture, or move the camera so that the whole task is in view"
@@ -376,13 +388,15 @@ impl QualityCause {
             }
             QualityCause::Rejected => "look for something else of its colour in the picture, and mark it as background",
             QualityCause::Jump | QualityCause::Spike => WRONG_ROWS,
+            QualityCause::BorderResidual if is_bare => "focus the camera, and avoid glare on the tool",
             QualityCause::BorderResidual => "focus the camera, avoid glare on the tool, and replace creased tape",
+            QualityCause::NoiseFloor if is_bare => "use more light, a larger picture or a camera closer to the tools",
             QualityCause::NoiseFloor => {
-                "use more light, a larger picture or a camera closer to the tools, and enter the length of its tape \
-                 if it has one"
+                "use more light, a larger picture or a camera closer to the tools, and enter the length of its tape"
             }
+            QualityCause::ErrorBar if is_bare => "move the camera closer, or record a larger picture",
             QualityCause::ErrorBar => {
-                "move the camera closer, record a larger picture, and enter the length of its tape if it has one"
+                "move the camera closer, record a larger picture, and enter the length of its tape"
             }
             QualityCause::Calibration => "calibrate again with a flat board, sharp photos and tilted views",
             QualityCause::CutFile => "send the whole recording again; the file was cut off or damaged",
@@ -401,11 +415,14 @@ impl QualityCause {
             QualityCause::EndsInMotion => {
                 "end the recording after the tools have come to rest; duration and sums leave out the end"
             }
-            QualityCause::Exposure => "switch off the camera's automatic exposure, and keep the light constant",
+            QualityCause::Exposure => {
+                "keep the light of the box on and constant, and switch off the camera's automatic exposure"
+            }
             QualityCause::WhiteBalance => {
                 "switch off the camera's automatic white balance, and keep the light constant"
             }
             QualityCause::CameraMovedDuring => MOVED_DURING,
+            QualityCause::ViewShifted => VIEW_SHIFTED,
             QualityCause::CameraMoved => CAMERA_MOVED,
             QualityCause::PortMoved => PORT_MOVED,
         }

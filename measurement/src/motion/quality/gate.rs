@@ -5,6 +5,10 @@ use super::{BoxAnswer, Figures, JumpRows, LostStretch, PathJump, QualityCause, T
 use crate::vision::segmentation::palette::Margin;
 use crate::vision::tracker::TrocarEvidence;
 
+/// A change of brightness, as a share, that may be why tools were lost: colours are known from 0.6 to 1.6 times their
+/// light.
+const MIN_BLINDING_CHANGE: f64 = 0.4;
+
 /// The quality verdict on a session: whether its measurements can be trusted.
 #[derive(Clone, Debug, PartialEq)]
 pub enum QualityVerdict {
@@ -12,7 +16,8 @@ pub enum QualityVerdict {
     Valid,
     /// They can be trusted if the reader knows these concerns.
     UsableWithCare(Vec<Concern>),
-    /// They cannot be trusted, and features are withheld. Refusing concerns come first.
+    /// They cannot be trusted, and features are withheld. What may explain the other concerns comes first, then the
+    /// refusing ones.
     Refused(Vec<Concern>),
 }
 
@@ -42,6 +47,8 @@ pub struct Concern {
     pub cause: QualityCause,
     /// The tool concerned; `None` for the session as a whole.
     pub tool: Option<String>,
+    /// True if the tool was followed by its bare shaft.
+    pub is_bare: bool,
     /// The marked colour label concerned, if the cause is about a colour.
     pub label: Option<String>,
     /// The longest stretch that the cause is about, if it is about lost tracking.
@@ -71,7 +78,7 @@ impl Concern {
 
     /// What to do about it.
     pub fn advice(&self) -> &'static str {
-        self.cause.advice()
+        self.cause.advice(self.is_bare)
     }
 }
 
@@ -122,14 +129,16 @@ pub fn judge(figures: &Figures) -> QualityVerdict {
         let label = tool.and_then(|tool| colour_margin(tool, cause)).map(|margin| margin.nearest.clone());
         let longest = tool.filter(|_| cause == QualityCause::Lost).and_then(|tool| tool.longest_lost);
         let rows = tool.and_then(|tool| path_jump(tool, cause)).map(|jump| jump.rows);
-        let is_moment = cause == QualityCause::CameraMovedDuring;
-        let at_s = figures.session.moved_during.filter(|_| is_moment).map(|moved| moved.at_s);
+        let at_s = moment_s(figures, cause);
+        let is_bare = tool.is_some_and(|tool| tool.is_bare);
         let tool = tool.map(|tool| tool.tool.clone());
-        Some(Concern { cause, tool, label, longest, rows, at_s, figure, limit, severity })
+        Some(Concern { cause, tool, is_bare, label, longest, rows, at_s, figure, limit, severity })
     };
     let mut concerns: Vec<Concern> = of_session.into_iter().chain(of_tools).filter_map(concern).collect();
-    concerns.sort_by_key(|concern| (std::cmp::Reverse(concern.severity), concern.cause));
-    match concerns.first().map(|worst| worst.severity) {
+    let worst = concerns.iter().map(|concern| concern.severity).max();
+    let rank = |concern: &Concern| if explains_others(concern) { worst } else { Some(concern.severity) };
+    concerns.sort_by_key(|concern| (std::cmp::Reverse(rank(concern)), concern.cause));
+    match worst {
         None => QualityVerdict::Valid,
         Some(Severity::Care) => QualityVerdict::UsableWithCare(concerns),
         Some(Severity::Refuse) => QualityVerdict::Refused(concerns),
@@ -162,11 +171,34 @@ fn session_figure(figures: &Figures, cause: QualityCause) -> Option<f64> {
         QualityCause::Exposure => session.exposure_drift,
         QualityCause::WhiteBalance => session.white_drift_codes,
         QualityCause::CameraMovedDuring => session.moved_during.map(|moved| moved.mm),
+        // Tape is found without pictures of the box, and displaced trocars say more.
+        QualityCause::ViewShifted => session
+            .box_match
+            .filter(|_| session.camera_shift.is_none() && figures.tools.iter().any(|tool| tool.is_bare))
+            .and_then(|of| of.view_shift()),
         // In doubt whether it is this box, nothing is said of its camera.
         QualityCause::CameraMoved => session.camera_shift.filter(|_| !is_box_open(figures)).map(|shift| shift.mm),
         QualityCause::OtherBox => (session.box_match?.answer == Some(BoxAnswer::OtherBox)).then_some(0.0),
         QualityCause::BoxSurroundings => session.box_match?.doubtful_correlation(),
         QualityCause::BoxTrocars => session.box_match?.doubtful_displacement_mm(),
+        _ => None,
+    }
+}
+
+/// Does the concern explain why tools were lost: did the camera move, or the light go off?
+fn explains_others(concern: &Concern) -> bool {
+    match concern.cause {
+        QualityCause::CameraMovedDuring | QualityCause::ViewShifted => true,
+        QualityCause::Exposure => concern.figure >= MIN_BLINDING_CHANGE,
+        _ => false,
+    }
+}
+
+/// When it happened, s, if the cause is about a moment.
+fn moment_s(figures: &Figures, cause: QualityCause) -> Option<f64> {
+    match cause {
+        QualityCause::CameraMovedDuring => figures.session.moved_during.map(|moved| moved.at_s),
+        QualityCause::Exposure => figures.session.light_step_s,
         _ => None,
     }
 }

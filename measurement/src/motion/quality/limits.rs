@@ -5,7 +5,7 @@
 //! them. A changed limit raises `PIPELINE_VERSION`. docs/method.md 6.6 lists the limits, and pages repeat some of them
 //! (`static/parts/live/seen_level.js`; a test compares them).
 
-use super::box_match::{MAX_NUDGE_MM, MIN_CORRELATION};
+use super::box_match::{MAX_NUDGE_MM, MIN_CORRELATION, MIN_SHIFT};
 use super::{QualityCause, Severity};
 use crate::motion::features::motion::MAX_HAND_SPEED_MM_S;
 use crate::motion::features::{FeatureSettings, MOVEMENT_END_RATIO};
@@ -162,6 +162,8 @@ impl QualityCause {
             // From the moment of the movement on, positions are displaced by this much, and the path has a jump. Noise
             // of the figure is 0.2 mm; an automatic focus that changes the scale by 5 % stays below the limit.
             QualityCause::CameraMovedDuring => care_at_most(MAX_DISPLACEMENT_MM),
+            // The search for the shift is right to a third of this.
+            QualityCause::ViewShifted => care_at_most(MIN_SHIFT),
             QualityCause::CameraMoved | QualityCause::PortMoved => care_at_most(MAX_DISPLACEMENT_MM),
         }
     }

@@ -44,6 +44,8 @@ pub struct SessionFigures {
     pub last_speed_mm_s: Option<f64>,
     /// Largest deviation of the picture's brightness from its median over the session, as a share of the median.
     pub exposure_drift: Option<f64>,
+    /// When the light was switched on or off, s; `None` if it was not, or changed slowly.
+    pub light_step_s: Option<f64>,
     /// Largest deviation of the picture's white from its median over the session, in codes of 224.
     pub white_drift_codes: Option<f64>,
     /// RMS reprojection error of the camera's calibration, pixels.
@@ -70,6 +72,7 @@ impl SessionFigures {
             first_speed_mm_s: None,
             last_speed_mm_s: None,
             exposure_drift: None,
+            light_step_s: None,
             white_drift_codes: None,
             calibration_rms_px: None,
             camera_shift: None,
@@ -103,6 +106,7 @@ pub(super) fn measure(
         first_speed_mm_s,
         last_speed_mm_s,
         exposure_drift: exposure_drift(light),
+        light_step_s: light_step_s(light),
         white_drift_codes: white_drift_codes(light),
         calibration_rms_px: evidence.calibration_rms_px,
         camera_shift: placement.camera,
@@ -162,6 +166,15 @@ fn exposure_drift(light: &[LightSample]) -> Option<f64> {
         median if median > BLACK_SHARE * brightest => Some(drift / median),
         median => (brightest > 0.0).then(|| (brightest - median) / brightest),
     }
+}
+
+/// When the light was switched on or off, s: the first step between two samples of at least half of the whole range.
+/// `None` if the light changes slowly.
+fn light_step_s(light: &[LightSample]) -> Option<f64> {
+    let ratios = light.iter().map(|sample| sample.luma_ratio);
+    let range = ratios.clone().fold(0.0, f64::max) - ratios.fold(f64::INFINITY, f64::min);
+    let is_step = |pair: &&[LightSample]| (pair[1].luma_ratio - pair[0].luma_ratio).abs() >= 0.5 * range;
+    light.windows(2).filter(|_| range > 0.0).find(is_step).map(|pair| pair[1].time_s)
 }
 
 fn white_drift_codes(light: &[LightSample]) -> Option<f64> {

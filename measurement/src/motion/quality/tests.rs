@@ -4,9 +4,10 @@ use super::limits::BetterDirection;
 use super::*;
 use crate::random::Dice;
 use crate::vision::covariance::PositionCovariance;
+use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::{ColourSeparation, Margin};
-use crate::vision::surroundings::ViewShift;
+use crate::vision::surroundings::{Resemblance, ViewShift};
 use crate::vision::tracker::{Absence, DiameterBasis, EffectiveDiameter, Gap, LightSample, ToolQuality};
 use crate::vision::trajectory::{PathKind, Sample};
 
@@ -254,6 +255,7 @@ fn a_picture_that_is_black_for_most_of_the_time_has_a_finite_change_of_light() {
         assert!((figures.session.exposure_drift.unwrap() - dim).abs() < 1e-12, "{:?}", figures.session.exposure_drift);
         let finding = judge(&figures).concerns()[0].finding();
         assert!(finding.contains("brightness changes by 100 %") || finding.contains("by 99 %"), "{finding}");
+        assert!(finding.ends_with("; at 2 s"), "when it went off: {finding}");
     }
 }
 
@@ -289,6 +291,81 @@ fn a_tool_without_a_trocar_is_refused_and_one_that_may_have_one_asks_for_care() 
     assert_eq!(rank(&judged(&counts, &resting)), Some(Severity::Refuse), "a thing that lies still");
     counts.tools[0].effective_diameter = Some(possible);
     assert_eq!(rank(&judged(&counts, &resting)), Some(Severity::Care), "a tool at rest");
+}
+
+#[test]
+fn light_that_changes_slowly_has_no_moment_and_comes_before_what_it_causes() {
+    let path = path(|frame| frame < FRAMES / 5 || frame > FRAMES / 3);
+    let mut counts = counts(Vec::new());
+    let sample = |second: u32| LightSample {
+        time_s: f64::from(second),
+        luma_ratio: 1.0 - 0.04 * f64::from(second),
+        chroma_shift: [0.0; 2],
+    };
+    counts.light = (0..20).map(sample).collect();
+    let figures = measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) });
+    assert_eq!(figures.session.light_step_s, None);
+    let verdict = judge(&figures);
+    assert_eq!((causes(&verdict)[0], verdict.concerns()[0].at_s), (QualityCause::Exposure, None), "{verdict:?}");
+    assert!(causes(&verdict).contains(&QualityCause::Coverage), "{verdict:?}");
+}
+
+#[test]
+fn light_that_went_off_is_said_before_the_refusal_that_it_explains() {
+    let judged = |least: f64| {
+        let path = path(|frame| frame < FRAMES / 3 || frame + 1 == FRAMES);
+        let mut counts = counts(Vec::new());
+        let luma_ratio = |second: u32| if second < 7 { 1.0 } else { least };
+        let sample = |second: u32| LightSample {
+            time_s: f64::from(second),
+            luma_ratio: luma_ratio(second),
+            chroma_shift: [0.0; 2],
+        };
+        counts.light = (0..20).map(sample).collect();
+        let verdict = judge(&measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) }));
+        assert!(verdict.is_refused(), "{verdict:?}");
+        verdict
+    };
+    let dark = judged(0.05);
+    assert_eq!((causes(&dark)[0], dark.concerns()[0].severity), (QualityCause::Exposure, Severity::Care));
+    assert!(dark.concerns()[0].finding().ends_with("; at 7 s"), "{dark:?}");
+    assert_eq!(rank(&judged(0.8)), Some(Severity::Refuse), "a little less light explains nothing");
+}
+
+#[test]
+fn a_view_that_no_longer_fits_the_picture_of_the_empty_box_is_said_of_bare_tools() {
+    let judged = |shift: f64, basis: DiameterBasis| {
+        let mut counts = counts(Vec::new());
+        counts.tools[0].effective_diameter = Some(EffectiveDiameter { mm: 5.0, sigma_mm: 0.1, basis });
+        counts.tools[0].fulcrum =
+            Some(Fulcrum::from_upper(Point3::new(0.0, 0.0, 50.0), [1.0, 0.0, 0.0, 1.0, 0.0, 1.0]));
+        let path = path(|_| true);
+        let mut figures = measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) });
+        let (chance, alignment) = (Some(0.1), Default::default());
+        let resemblance = Some(Resemblance { correlation: 0.9, chance, structured: 0.9, shift, alignment });
+        let evidence = BoxEvidence { resemblance, answer: None };
+        figures.session.box_match = Some(BoxMatch::of(evidence, PortAgreement::Unknown));
+        causes(&judge(&figures))
+    };
+    assert!(judged(0.04, DiameterBasis::BareShaft).contains(&QualityCause::ViewShifted));
+    assert!(!judged(0.004, DiameterBasis::BareShaft).contains(&QualityCause::ViewShifted));
+    assert!(!judged(0.04, DiameterBasis::Session).contains(&QualityCause::ViewShifted), "tape needs no picture");
+}
+
+#[test]
+fn the_advice_on_a_bare_tool_does_not_speak_of_its_tape() {
+    let mut path = path(|_| true);
+    path.samples.iter_mut().for_each(|one| one.covariance_mm2 = Some(PositionCovariance::from_sigmas(3.0, 8.0)));
+    let advice = |basis: DiameterBasis| {
+        let mut counts = counts(Vec::new());
+        counts.tools[0].effective_diameter = Some(EffectiveDiameter { mm: 5.0, sigma_mm: 0.1, basis });
+        counts.tools[0].border_residual_px = Some(1.5);
+        let verdict = judge(&measure(&QualityInput { tracker: Some(&counts), ..QualityInput::of_path(&path) }));
+        let of = |cause| verdict.concerns().iter().find(|of| of.cause == cause).unwrap().advice();
+        [QualityCause::ErrorBar, QualityCause::BorderResidual].map(of)
+    };
+    assert!(advice(DiameterBasis::Session).iter().all(|advice| advice.contains("tape")));
+    assert!(advice(DiameterBasis::BareShaft).iter().all(|advice| !advice.contains("tape")));
 }
 
 #[test]

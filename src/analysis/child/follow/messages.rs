@@ -197,6 +197,8 @@ pub struct LiveConcern {
     pub limit: f64,
     /// True if it would refuse the session.
     pub refuses: bool,
+    /// True if the tool is followed by its bare shaft.
+    pub is_bare: bool,
 }
 
 impl SeenSoFar {
@@ -212,11 +214,12 @@ impl SeenSoFar {
 
     /// The worst figure with the tool's name, as for a finished session.
     pub fn concern(&self, tool: &str) -> Option<Concern> {
-        let LiveConcern { cause, figure, limit, refuses } = self.worst?;
+        let LiveConcern { cause, figure, limit, refuses, is_bare } = self.worst?;
         let severity = if refuses { Severity::Refuse } else { Severity::Care };
         let cause = *QualityCause::ALL.get(cause as usize)?;
         let tool = Some(tool.to_owned());
-        Some(Concern { cause, tool, label: None, longest: None, rows: None, at_s: None, figure, limit, severity })
+        let (label, longest, rows, at_s) = (None, None, None, None);
+        Some(Concern { cause, tool, is_bare, label, longest, rows, at_s, figure, limit, severity })
     }
 
     /// Every number of it.
@@ -230,7 +233,7 @@ impl LiveConcern {
     fn new(concern: &Concern) -> Option<Self> {
         let cause = QualityCause::ALL.iter().position(|cause| *cause == concern.cause)? as u32;
         let refuses = concern.severity == Severity::Refuse;
-        Some(Self { cause, figure: concern.figure, limit: concern.limit, refuses })
+        Some(Self { cause, figure: concern.figure, limit: concern.limit, refuses, is_bare: concern.is_bare })
     }
 }
 

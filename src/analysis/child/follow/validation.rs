@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn how_well_tools_were_seen_is_a_share_and_a_known_cause_for_every_tool() {
         let sends = |coverage: f64, cause: u32, tools: usize| {
-            let worst = Some(LiveConcern { cause, figure: 0.4, limit: 0.5, refuses: true });
+            let worst = Some(LiveConcern { cause, figure: 0.4, limit: 0.5, refuses: true, is_bare: false });
             let seen = Some(vec![SeenSoFar { coverage: Some(coverage), worst }; tools]);
             validate(vec![FollowReply { seen, ..reply(4, 0.1) }])
         };

@@ -21,7 +21,8 @@ use crate::vision::frame::Frame;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::surroundings::{Surroundings, SurroundingsSampler, ViewShift};
 use crate::vision::tracker::{
-    FirstLook, LightSample, MAX_WARM_UP_FRAMES, Quality, SecondLook, ToolQuality, Tracker, TrackerSettings, Tracking,
+    FirstLook, LightSample, MAX_WARM_UP_FRAMES, Quality, SecondLook, ToolQuality, ToolSpec, Tracker, TrackerSettings,
+    Tracking,
 };
 use crate::vision::trajectory::{PathKind, Sample};
 
@@ -93,6 +94,7 @@ impl ChildTask for TrackWork {
         let mut pictures = ReadAhead::new(video)?;
         let first: Vec<Frame<'_>> = pictures.first_pictures(MAX_WARM_UP_FRAMES)?.iter().map(Picture::frame).collect();
         let encoding = first.first().ok_or(MediaError::NoFrames)?.encoding;
+        let is_bare = self.tracker.tools.iter().all(ToolSpec::is_bare);
         let tracker = Tracker::new(self.tracker, info.width, info.height, encoding);
         let mut tracker = tracker.map_err(|problem| problem.of_shown(info.shown_size))?;
         // Read before the first frame is tracked: a picture that cannot be used is refused at once.
@@ -127,6 +129,9 @@ impl ChildTask for TrackWork {
             }
         };
         heap::release_free_memory(); // the paths need the memory now
+        if was_never_seen(&tracking.quality) {
+            return Err(StopReason::Impossible(explain::never_seen(&tracking.quality, is_bare)));
+        }
         send_results(&tracking, frames_interlaced, reporter)?;
         Ok(frames.preview(preview.into_jpeg(), reporter)?)
     }
@@ -168,9 +173,6 @@ fn look_again(
 }
 
 fn send_results(tracking: &Tracking, frames_interlaced: u64, reporter: &mut Reporter) -> Result<(), StopReason> {
-    if was_never_seen(&tracking.quality) {
-        return Err(StopReason::Impossible(explain::never_seen(&tracking.quality)));
-    }
     for kind in [PathKind::Raw, PathKind::Filtered, PathKind::Smoothed] {
         for rows in tracking.trajectory(kind).samples.chunks(ROWS_PER_RECORD) {
             reporter.record(WorkRecord::Track(TrackRecord::Path { kind, rows: rows.to_vec() }))?;
