@@ -5,6 +5,7 @@ use utoipa::ToSchema;
 
 use super::session::{FeatureRow, FeatureSpace};
 use super::text::Invalid;
+use crate::motion::features::path_error::{PathBar, PathError};
 use crate::motion::features::{self, Family, Feature, FeatureSettings, Space, UnknownFeature, path};
 
 /// One feature of a session: of one tool, or of the session as a whole, in one space.
@@ -98,6 +99,25 @@ impl From<Space> for FeatureSpace {
             Space::Image => FeatureSpace::Image,
         }
     }
+}
+
+impl From<FeatureSpace> for Space {
+    fn from(space: FeatureSpace) -> Self {
+        match space {
+            FeatureSpace::Space3d => Space::ThreeD,
+            FeatureSpace::Image => Space::Image,
+        }
+    }
+}
+
+/// By what share the lengths of a stored session may be off in each space; `None` for results without error bars.
+pub fn path_error(rows: &[FeatureRow]) -> Option<PathError> {
+    let bar = |row: &FeatureRow| {
+        let error = row.error.as_ref()?.as_ref().ok().filter(|_| row.name == path::PATH_LENGTH.name)?;
+        let length = row.value.as_ref().ok().copied()?;
+        Some(PathBar { space: row.space.into(), length, half: 0.5 * (error.high - error.low) })
+    };
+    PathError::of_bars(&rows.iter().filter_map(bar).collect::<Vec<_>>())
 }
 
 /// The space to use for a feature: the named one, or the first space that the feature is measured in.

@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::domain::feature::StoredFeatureKey;
+use crate::domain::feature::{StoredFeatureKey, path_error};
 use crate::domain::feed::arrival::Arrival;
 use crate::domain::feed::early_end::EarlyEnd;
 use crate::domain::files::quality::QualityDocument;
@@ -21,6 +21,7 @@ use crate::http::error::ProblemDocument;
 use crate::http::show::{NamedReference, Time};
 use crate::ids::{ResultId, SessionId};
 use crate::live::Interruption;
+use crate::motion::features::path_error::PathError;
 use crate::store;
 
 /// One recording of one trainee doing one task in one box, with its status and results.
@@ -67,6 +68,9 @@ pub struct SessionResponse {
     /// Names of the tools, in the trajectory's order.
     tools: Vec<String>,
     features: Vec<FeatureResponse>,
+    /// Where to look at the features first; `null` while there is no result, and where its paths are short or state no
+    /// errors.
+    compare_in: Option<ComparisonSpace>,
     /// Features at the end of live tracking, if the session was tracked live. The causal filter computes them from all
     /// frames without later smoothing, so they differ from `features`.
     live_features: Option<Vec<LiveFeature>>,
@@ -165,10 +169,27 @@ pub struct FeatureResponse {
     no_error: Option<String>,
     /// True if the true value is at least this one: the recording shows only a part of the attempt.
     is_lower_bound: bool,
+    /// True if depth decides the value: it is measured in space, and is no duration and no time of view. `null` if the
+    /// feature is no longer measured.
+    needs_depth: Option<bool>,
     /// The limit in the task's standard; `null`: none.
     target: Option<FeatureLimit>,
     /// Judgement of the value by this limit.
     judgement: Option<Judgement>,
+}
+
+/// The space that a session's features are compared in first, and the errors that decide it: one camera sees depth
+/// from size alone, so lengths in space may be off by much while those in the picture are not.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ComparisonSpace {
+    /// `image` where depth is poor: where lengths in space may be off by more than a fifth, and those in the picture by
+    /// clearly less.
+    space: FeatureSpace,
+    /// Half the width of the error bar of all tools' path length in space, divided by that length; 1 where the error is
+    /// as large as the length or larger.
+    path_error_3d: f64,
+    /// The same in the picture.
+    path_error_image: f64,
 }
 
 /// A feature's limit, and the standard that sets it.
@@ -230,6 +251,7 @@ impl SessionResponse {
             video,
             tools: Vec::new(),
             features: Vec::new(),
+            compare_in: None,
             live_features: None,
             score: None,
             verdict: None,
@@ -284,6 +306,7 @@ impl SessionResponse {
 
     fn add_result(&mut self, result: store::SessionResult) {
         self.tools = result.tools;
+        self.compare_in = path_error(&result.features).map(ComparisonSpace::from);
         self.features = result.features.into_iter().map(FeatureResponse::from).collect();
         self.score = result.score;
         self.quality = Some(result.quality);
@@ -303,7 +326,7 @@ fn named(id: impl ToString, name: impl Into<String>, code: impl Into<String>) ->
 
 impl From<FeatureRow> for FeatureResponse {
     fn from(row: FeatureRow) -> Self {
-        let (family, is_lower_bound) = (row.family(), row.is_lower_bound());
+        let (family, is_lower_bound, needs_depth) = (row.family(), row.is_lower_bound(), row.needs_depth());
         let (value, not_enough) = match row.value {
             Ok(value) => (Some(value), None),
             Err(reason) => (None, Some(reason)),
@@ -321,9 +344,16 @@ impl From<FeatureRow> for FeatureResponse {
             error,
             no_error,
             is_lower_bound,
+            needs_depth,
             target: None,
             judgement: None,
         }
+    }
+}
+
+impl From<PathError> for ComparisonSpace {
+    fn from(error: PathError) -> Self {
+        Self { space: error.better_space().into(), path_error_3d: error.three_d, path_error_image: error.image }
     }
 }
 
