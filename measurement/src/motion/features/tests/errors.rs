@@ -51,7 +51,7 @@ fn errors_of_depth_hide_the_rests_in_space_and_not_in_the_picture() {
     assert!(good > 0.3 && (good - good_in_picture).abs() < 1e-12, "{good} {good_in_picture}");
     poor.samples.iter_mut().for_each(|sample| sample.tip_mm.z += 2.0 * dice.gauss());
     let [hidden, in_picture] = idle(&poor).map(Result::unwrap);
-    assert!(hidden < 0.5 * good && (in_picture - good).abs() < 0.02, "{good}: {hidden} {in_picture}");
+    assert!(hidden < 0.5 * good && (in_picture - good).abs() < 0.05, "{good}: {hidden} {in_picture}");
 }
 
 /// Sum of a feature over the windows, and its value over the task.
