@@ -110,7 +110,7 @@ test('where depth is poor, the values in the image come first, and what needs de
   assert.ok(Math.abs(length - image.value) <= 0.05 * image.value, `page ${length}, REST ${image.value} in the image`);
   const deep = groups.filter({ hasText: 'In space: these values need depth' });
   assert.equal(await deep.count(), 1);
-  assert.equal(await groups.last().innerText(), await deep.innerText(), 'they stand at the end');
+  assert.equal(await groups.last().innerText(), await deep.innerText(), 'they follow at the end');
   assert.match(await shown('Working volume'), /± 60\s*too uncertain to compare/);
   await page.unroute(address);
   await page.reload();

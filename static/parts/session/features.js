@@ -113,7 +113,7 @@ const Definition = ({ row }) => html`
   ${words.definitions[row.name] && html`<small>${words.definitions[row.name]}</small>`}
   ${[...row.byTool.values()].some(feature => feature.is_lower_bound) && html`<small>${words.atLeastMeans}</small>`}`;
 
-/** `[key, title, rows]`: family by family. In the image, what needs depth stands at the end. */
+/** `[key, title, rows]`: family by family. In the image, what needs depth follows at the end. */
 function groups(rows, space) {
   const isDeep = row => space === 'image' && row.needsDepth;
   const [flat, deep] = [rows.filter(row => !isDeep(row)), rows.filter(isDeep)];
