@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::domain::feature::{StoredFeatureKey, path_error};
+use crate::domain::feature::{ComparisonSpace, StoredFeatureKey};
 use crate::domain::feed::arrival::Arrival;
 use crate::domain::feed::early_end::EarlyEnd;
 use crate::domain::files::quality::QualityDocument;
@@ -21,7 +21,6 @@ use crate::http::error::ProblemDocument;
 use crate::http::show::{NamedReference, Time};
 use crate::ids::{ResultId, SessionId};
 use crate::live::Interruption;
-use crate::motion::features::path_error::PathError;
 use crate::store;
 
 /// One recording of one trainee doing one task in one box, with its status and results.
@@ -178,20 +177,6 @@ pub struct FeatureResponse {
     judgement: Option<Judgement>,
 }
 
-/// The space that a session's features are compared in first, and the errors that decide it: one camera sees depth
-/// from size alone, so lengths in space may be off by much while those in the picture are not.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct ComparisonSpace {
-    /// `image` where depth is poor: where lengths in space may be off by more than a fifth, and those in the picture by
-    /// clearly less.
-    space: FeatureSpace,
-    /// Half the width of the error bar of all tools' path length in space, divided by that length; 1 where the error is
-    /// as large as the length or larger.
-    path_error_3d: f64,
-    /// The same in the picture.
-    path_error_image: f64,
-}
-
 /// A feature's limit, and the standard that sets it.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct FeatureLimit {
@@ -306,7 +291,7 @@ impl SessionResponse {
 
     fn add_result(&mut self, result: store::SessionResult) {
         self.tools = result.tools;
-        self.compare_in = path_error(&result.features).map(ComparisonSpace::from);
+        self.compare_in = ComparisonSpace::of_session(&result.features);
         self.features = result.features.into_iter().map(FeatureResponse::from).collect();
         self.score = result.score;
         self.quality = Some(result.quality);
@@ -348,12 +333,6 @@ impl From<FeatureRow> for FeatureResponse {
             target: None,
             judgement: None,
         }
-    }
-}
-
-impl From<PathError> for ComparisonSpace {
-    fn from(error: PathError) -> Self {
-        Self { space: error.better_space().into(), path_error_3d: error.three_d, path_error_image: error.image }
     }
 }
 
