@@ -17,8 +17,9 @@ const translationOf = (kind, code) => translations[kind]?.[code];
  */
 export const featureTitle = ({ feature, name, title }) => translationOf('features', feature ?? name) ?? title;
 
-/** The feature and its tool, if it has one: `Path length, red`. */
-export const featureWithTool = one => [featureTitle(one), one.tool].filter(Boolean).join(', ');
+/** The feature and its tool, if it has one, and whether it is measured in the image: `Path length, red, in the image`. */
+export const featureWithTool = one =>
+  [featureTitle(one), one.tool, one.space === 'image' && t.session.inImage].filter(Boolean).join(', ');
 
 /** The title of a rating form. */
 export const formTitle = ({ form, title }) => translationOf('forms', form) ?? title;

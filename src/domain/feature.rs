@@ -5,6 +5,7 @@ use utoipa::ToSchema;
 
 use super::session::{FeatureRow, FeatureSpace};
 use super::text::Invalid;
+use crate::motion::features::path_error::{PathBar, PathError};
 use crate::motion::features::{self, Family, Feature, FeatureSettings, Space, UnknownFeature, path};
 
 /// One feature of a session: of one tool, or of the session as a whole, in one space.
@@ -97,6 +98,42 @@ impl From<Space> for FeatureSpace {
             Space::ThreeD => FeatureSpace::Space3d,
             Space::Image => FeatureSpace::Image,
         }
+    }
+}
+
+impl From<FeatureSpace> for Space {
+    fn from(space: FeatureSpace) -> Self {
+        match space {
+            FeatureSpace::Space3d => Space::ThreeD,
+            FeatureSpace::Image => Space::Image,
+        }
+    }
+}
+
+/// The space that a session's features are compared in first, and the errors that decide it: one camera sees depth
+/// from size alone, so lengths in space may be off by much while those in the picture are not.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, ToSchema)]
+pub struct ComparisonSpace {
+    /// `image` where depth is poor: where lengths in space may be off by more than a fifth, and those in the picture by
+    /// clearly less.
+    pub space: FeatureSpace,
+    /// Half the width of the error bar of all tools' path length in space, divided by that length; 1 where the error is
+    /// as large as the length or larger.
+    pub path_error_3d: f64,
+    /// The same in the picture.
+    pub path_error_image: f64,
+}
+
+impl ComparisonSpace {
+    /// From the rows of a session; `None` for results without error bars, and for tools that hardly moved.
+    pub fn of_session(rows: &[FeatureRow]) -> Option<Self> {
+        let bar = |row: &FeatureRow| {
+            let error = row.error.as_ref()?.as_ref().ok().filter(|_| row.name == path::PATH_LENGTH.name)?;
+            let length = row.value.as_ref().ok().copied()?;
+            Some(PathBar { space: row.space.into(), length, half: 0.5 * (error.high - error.low) })
+        };
+        let error = PathError::of_bars(&rows.iter().filter_map(bar).collect::<Vec<_>>())?;
+        Some(Self { space: error.better_space().into(), path_error_3d: error.three_d, path_error_image: error.image })
     }
 }
 

@@ -198,6 +198,11 @@ impl FeatureRow {
         features::find(&self.name).ok().map(|feature| feature.family.name())
     }
 
+    /// Whether depth decides its value; `None` for a feature that is no longer measured.
+    pub fn needs_depth(&self) -> Option<bool> {
+        features::find(&self.name).ok().map(|feature| feature.needs_depth(self.space.into()))
+    }
+
     /// The value, if it is known on both sides. A lower bound must not be compared with other values.
     pub fn two_sided_value(&self) -> Option<f64> {
         self.value.as_ref().ok().copied().filter(|_| !self.is_lower_bound())

@@ -53,7 +53,7 @@ function Paper({ progress: { trainee, task, standard, sessions, passed, pipeline
       <p>${words.on} <strong>${date(passed.at)}</strong>. ${words.standard}: ${words.setOn(standard.version, date(standard.created_at))}.</p>
       <section>
         <h2>${words.targets}</h2>
-        <ul>${standard.targets.map(target => html`<li key=${`${target.feature} ${target.tool}`}>${featureWithTool(target)}: ${limitText(target)}</li>`)}</ul>
+        <ul>${standard.targets.map(target => html`<li key=${`${target.feature} ${target.tool} ${target.space}`}>${featureWithTool(target)}: ${limitText(target)}</li>`)}</ul>
       </section>
       <section>
         <h2>${words.sessions}</h2>

@@ -5,6 +5,7 @@ import { useData } from '../data.js';
 import { clock } from '../format.js';
 import { serviceLang, t } from '../texts.js';
 import { featureWithTool, findingText } from '../translate.js';
+import { featuresIn, firstSpace, poorDepthText } from '../parts/session/compared_space.js';
 import { featureRows } from '../parts/session/features.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
@@ -15,6 +16,7 @@ const words = t.report;
 const MAX_TARGETS = 10; // Per sheet; the sheet says how many are left out.
 const MAX_ROWS = 15; // Both tables together: leaves space for the rest even with the longest texts.
 const MAX_REASONS = 3;
+const NOTE_ROWS = 2; // What the note on poor depth takes.
 
 /** @param {Props} props */
 export default function SessionReport({ route }) {
@@ -92,19 +94,23 @@ function Targets({ features }) {
     </section>`;
 }
 
-/** The other measured values in space, as many as fit. @param {Props} props */
+/** The other measured values, in space or in the image where depth is poor, as many as fit. @param {Props} props */
 function Values({ session }) {
   if (session.quality?.verdict === 'refused')
     return html`<section><h2>${t.session.features}</h2><p>${t.session.withheldBody}</p></section>`;
-  const all = featureRows(session.features.filter(feature => !feature.target), '3d');
-  const rows = all.filter(row => [...row.byTool.values()].some(one => one.value !== null));
+  const space = firstSpace(session);
+  const all = featureRows(featuresIn(session.features, space).filter(feature => !feature.target));
+  const isShown = row => !(space === 'image' && row.needsDepth) && [...row.byTool.values()].some(one => one.value !== null);
+  const rows = all.filter(isShown);
   const targets = Math.min(MAX_TARGETS, session.features.filter(feature => feature.target).length);
-  const shown = rows.slice(0, Math.max(0, MAX_ROWS - Math.ceil(1.5 * targets)));
+  const note = space === 'image' ? NOTE_ROWS : 0;
+  const shown = rows.slice(0, Math.max(0, MAX_ROWS - note - Math.ceil(1.5 * targets)));
   const columns = [...session.tools, null].filter(tool => shown.some(row => row.byTool.has(tool)));
   if (!shown.length) return null;
   return html`
     <section>
       <h2>${words.further_values}</h2>
+      ${space === 'image' && session.compare_in && html`<p>${words.inImage} ${poorDepthText(session.compare_in)}</p>`}
       <table class="values">
         <thead><tr><th scope="col">${t.session.feature}</th>
           ${columns.map(tool => html`<th key=${tool} scope="col">${tool ?? words.both}</th>`)}</tr></thead>

@@ -13,6 +13,7 @@ import { MonitorCharts } from '../parts/charts/monitor_chart.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { OwnData } from '../parts/people/own_data.js';
 import { OwnCourses } from '../parts/courses/own_courses.js';
+import { spaceChoices } from '../parts/tasks/space_choice.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
 import { ProgressSummary } from '../parts/people/progress_summary.js';
 import { ArrivalNote } from '../parts/page/recorded_at.js';
@@ -60,11 +61,13 @@ function Progress({ id, base, route }) {
   const { tasks, features, cohorts, usual } = base;
   const param = key => route.query.get(key) ?? undefined;
   const task = tasks.find(one => one.id === param('task') || one.code === param('task')) ?? usual;
-  const query = { task: task.id, feature: param('feature'), cohort: param('cohort') ?? cohorts[0]?.code };
+  const spaces = spaceChoices(features.find(one => one.name === param('feature')));
+  const space = spaces.map(([name]) => name).find(name => name === param('space'));
+  const query = { task: task.id, feature: param('feature'), space, cohort: param('cohort') ?? cohorts[0]?.code };
   if (query.cohort === NO_COHORT) delete query.cohort;
   const { current: data, problem, reload } = useData(
     signal => api.trainees.progress(id, query, signal),
-    [id, query.task, query.feature, query.cohort],
+    [id, query.task, query.feature, query.space, query.cohort],
   );
   const reloadSoon = useThrottled(reload, 2000);
   useLive('session', event => event.status === 'done' && reloadSoon());
@@ -73,7 +76,7 @@ function Progress({ id, base, route }) {
   const all = data?.features ?? [];
   const series = all.find(one => seriesKey(one) === param('series')) ?? all[0];
   const set = (key, value) => {
-    const now = { task: task.id, feature: param('feature'), cohort: param('cohort'), series: param('series') };
+    const now = { task: task.id, feature: param('feature'), space: param('space'), cohort: param('cohort'), series: param('series') };
     replace(['trainees', id], { ...now, [key]: value || undefined });
   };
   const choose = (label, key, value, options) => html`<${Field} type="select" label=${label} value=${value}
@@ -85,6 +88,7 @@ function Progress({ id, base, route }) {
       <div class="filters">
         ${choose(words.task, 'task', task.id, tasks.map(one => [one.id, one.name]))}
         ${choose(words.feature, 'feature', param('feature'), [['', words.asked], ...features.map(one => [one.name, featureTitle(one)])])}
+        ${spaces.length > 0 && choose(t.standardForm.space, 'space', space ?? spaces[0][0], spaces)}
         ${all.length > 1 && choose(words.series, 'series', seriesKey(series), all.map(one => [seriesKey(one), featureWithTool(one)]))}
         ${cohorts.length > 0 && choose(words.cohort, 'cohort', query.cohort ?? NO_COHORT,
           [...cohorts.map(one => [one.code, one.name]), [NO_COHORT, words.nobody]])}

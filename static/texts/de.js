@@ -680,8 +680,16 @@ export default {
     both: 'Beide',
     space3d: 'Im Raum',
     image: 'Im Bild',
-    imageFirst: 'Ohne Klebeband ist die Tiefe unsicher. Kennwerte im Bild hängen wenig von ihr ab und haben kleinere Fehler.',
+    inImage: 'im Bild',
     plane: 'Gemessen',
+    comparedSpace: {
+      poorDepth: 'Vergleichen Sie die Werte im Bild: Die Tiefe ist ungenau',
+      poorDepthBody: (inSpace, inImage) =>
+        `Weglängen im Raum können um ${inSpace} falsch sein, Weglängen im Bild um ${inImage}. Fehler der Tiefe lassen auch ein ruhendes Instrument scheinbar wandern. Pausen und Bewegungen werden deshalb im Bild besser gezählt.`,
+      needDepth: 'Im Raum: Diese Werte brauchen die Tiefe',
+      tooUncertain: 'zu ungenau für einen Vergleich',
+      tooUncertainMeans: 'Dieser Wert kann um mehr als seine Hälfte falsch sein, weil die Tiefe ungenau ist.',
+    },
     notEnough: 'zu wenig',
     noFeatures: 'Keine Kennwerte',
     noFeaturesBody: 'Sie erscheinen, wenn die Aufnahme ausgewertet ist.',
@@ -1725,6 +1733,7 @@ export default {
     errorUnknown: '(Unsicherheit nicht bekannt)',
     both: 'Sitzung',
     further_values: 'Was noch gemessen wurde',
+    inImage: 'Längen und Geschwindigkeiten gelten im Bild.',
     further: n => `${plural(n, 'weiterer Kennwert', 'weitere Kennwerte')} auf der Seite der Sitzung.`,
     learning: name => `${name}, über alle Sitzungen dieser Aufgabe`,
     thisOne: n => `Dies ist Sitzung ${n}.`,
@@ -1799,6 +1808,7 @@ export default {
     feature: 'Kennwert',
     tool: 'Instrument',
     whole: 'Ganze Sitzung',
+    space: 'Gemessen',
     method: 'Woher der Grenzwert kommt',
     methods: {
       fixed: 'Eine Zahl, die ich wähle',

@@ -580,8 +580,16 @@ export default {
     both: 'Both',
     space3d: 'In space',
     image: 'In the image',
-    imageFirst: 'Without tape, depth is uncertain. Features in the image depend on it little and have smaller errors.',
+    inImage: 'in the image',
     plane: 'Measured in space or in the image',
+    comparedSpace: {
+      poorDepth: 'Compare the values in the image: depth is poor',
+      poorDepthBody: (inSpace, inImage) =>
+        `Lengths of paths in space may be off by ${inSpace}, lengths in the image by ${inImage}. Errors of depth also make a resting tool seem to move, so rests and movements are better counted in the image.`,
+      needDepth: 'In space: these values need depth',
+      tooUncertain: 'too uncertain to compare',
+      tooUncertainMeans: 'This value may be off by more than half of itself, because depth is poor.',
+    },
     notEnough: 'not enough',
     noFeatures: 'No features',
     noFeaturesBody: 'They appear when the recording has been scored.',
@@ -1621,6 +1629,7 @@ export default {
     errorUnknown: '(error not known)',
     both: 'Session',
     further_values: 'Other measurements',
+    inImage: 'Lengths and speeds are those in the image.',
     further: n => `${plural(n, 'further feature', 'further features')} on the page of the session.`,
     learning: name => `${name}, over all sessions of this task`,
     thisOne: n => `This is session ${n}.`,
@@ -1695,6 +1704,7 @@ export default {
     feature: 'Feature',
     tool: 'Tool',
     whole: 'Whole session',
+    space: 'Measured',
     method: 'Where the limit comes from',
     methods: {
       fixed: 'A number that I choose',

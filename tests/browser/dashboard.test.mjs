@@ -75,6 +75,7 @@ test('the score appears without a reload', async () => {
 });
 
 test('the page shows the same value and error of a feature as REST', async () => {
+  await page.getByRole('button', { name: 'In space', exact: true }).click();
   const { features, tools } = await getJson(`sessions/${session}`);
   const first = features.find(feature => feature.space === '3d' && feature.tool === tools[0] && feature.value !== null);
   const row = page.locator('tr', { has: page.locator('th', { hasText: first.title }) }).first();
@@ -84,6 +85,36 @@ test('the page shows the same value and error of a feature as REST', async () =>
   const half = (first.error.high - first.error.low) / 2;
   for (const [what, page, rest] of [['value', shown, first.value], ['error', off, half]])
     assert.ok(Math.abs(page - rest) <= 0.05 * Math.abs(rest), `${what} of ${first.name}: page ${page}, REST ${rest}`);
+});
+
+test('where depth is poor, the values in the image come first, and what needs depth says how far off it is', async () => {
+  const address = `**/api/v1/sessions/${session}`;
+  const image = (await getJson(`sessions/${session}`)).features.find(one => one.name === 'path_length' && one.space === 'image' && one.value !== null);
+  await page.route(address, async route => {
+    const answer = await route.fetch();
+    const data = await answer.json();
+    data.compare_in = { space: 'image', path_error_3d: 0.52, path_error_image: 0.12 };
+    const volume = data.features.find(one => one.name === 'working_volume' && one.tool === image.tool);
+    Object.assign(volume, { value: 100, not_enough: null, error: { sigma: 30, low: 40, high: 160, as_measured: 100 }, no_error: null });
+    await route.fulfill({ response: answer, json: data });
+  });
+  await page.reload();
+  const notice = page.locator('.notice', { hasText: 'Compare the values in the image' });
+  await notice.waitFor();
+  assert.match(await notice.innerText(), /off by 52%, lengths in the image by 12%/);
+  assert.equal(await page.getByRole('button', { name: 'In the image', exact: true }).getAttribute('aria-pressed'), 'true');
+  const groups = page.locator('.fourth table tbody');
+  const column = (await page.locator('.fourth thead th').allInnerTexts()).indexOf(image.tool);
+  const shown = title => groups.locator('tr', { has: page.locator('th', { hasText: title }) }).first().locator('td').nth(column - 1).innerText();
+  const [length] = (await shown('Path length')).split('±').map(text => Number(text.trim().replaceAll(',', '')));
+  assert.ok(Math.abs(length - image.value) <= 0.05 * image.value, `page ${length}, REST ${image.value} in the image`);
+  const deep = groups.filter({ hasText: 'In space: these values need depth' });
+  assert.equal(await deep.count(), 1);
+  assert.equal(await groups.last().innerText(), await deep.innerText(), 'they follow at the end');
+  assert.match(await shown('Working volume'), /± 60\s*too uncertain to compare/);
+  await page.unroute(address);
+  await page.reload();
+  await page.locator('.plots canvas').first().waitFor();
 });
 
 /** How many pixels of the overlay are drawn, and a checksum of them. */
@@ -157,6 +188,7 @@ test('a link to a moment opens the video and the curves at this moment', async (
 });
 
 test('a feature shows the seconds that determined it, by keyboard, and a click seeks to them', async () => {
+  await page.getByRole('button', { name: 'In space', exact: true }).click();
   const { features } = await getJson(`sessions/${session}/evidence`);
   const evidence = features.find(row => row.space === '3d' && row.stretches.length && row.stretches[0].from_s > 0.2);
   const { items } = await getJson('features');
@@ -276,6 +308,7 @@ test('after the end its page becomes the review page without a reload, live feat
   assert.equal(await page.evaluate(() => window.notReloaded), true);
   const arrived = await getJson(`sessions/${arriving}`);
   assert.equal(arrived.video.frames, frames, 'every frame is in the recording');
+  await page.getByRole('button', { name: 'In space', exact: true }).click();
   const known = arrived.live_features.filter(feature => feature.value !== null).length;
   assert.equal(await page.locator('.told-live', { hasText: /\d/ }).count(), known);
   await takePictures('05-arrived');

@@ -130,26 +130,31 @@ const featureCells = () =>
  * newest counted session. It is also empty if the same reason withholds every place: the page then shows that reason
  * once.
  */
-async function placesOf({ id, trainee, task, features }) {
+async function placesOf({ id, trainee, task, features, compare_in: compared }) {
   const [cohort] = await getAll('cohorts');
   const places = new Map();
   const reasons = new Set();
-  for (const feature of new Set(features.filter(one => one.space === '3d' && one.value !== null).map(one => one.name))) {
-    const data = await getJson(`trainees/${trainee.id}/progress?task=${task.id}&feature=${feature}&space=3d&cohort=${cohort.code}`);
+  const measured = featuresIn({ features }, compared?.space ?? '3d').filter(one => one.value !== null);
+  for (const [feature, of] of new Map(measured.map(one => [one.name, one.space]))) {
+    const data = await getJson(`trainees/${trainee.id}/progress?task=${task.id}&feature=${feature}&space=${of}&cohort=${cohort.code}`);
     if (data.sessions.filter(one => !one.set_aside).at(-1)?.id !== id) return places;
     for (const { tool, place, no_place: withheld } of data.features) {
       const { value, low, high } = place?.better_than ?? place?.percentile ?? {};
       const said = place && `${place.better_than ? 'better than' : 'above'} ${Math.round(value)} % (${Math.round(low)} – ${Math.round(high)} %)`;
       reasons.add(place ? null : withheld.detail);
-      places.set(`${feature} ${tool}`, said ?? (withheld.missing ? 'no comparison: too few people' : 'no comparison'));
+      places.set(`${feature} ${tool} ${of}`, said ?? (withheld.missing ? 'no comparison: too few people' : 'no comparison'));
     }
   }
   return reasons.size === 1 && !reasons.has(null) ? new Map() : places;
 }
 
+/** The features that the page shows for a space: those without a value in the image are taken from space. */
+const featuresIn = ({ features }, space) =>
+  features.filter(one => one.space === space || (space === 'image' && !features.some(other => other.name === one.name && other.space === space)));
+
 function featureFigures(of, space, shown, places) {
   const live = new Map((space === '3d' ? (of.live_features ?? []) : []).map(one => [`${one.name} ${one.tool}`, one.value]));
-  return of.features.filter(one => one.space === space).map(one => {
+  return featuresIn(of, space).map(one => {
     const what = `${one.title}, ${one.tool ?? 'Both'}`;
     const isKnown = one.value !== null;
     const [value, half] = !isKnown ? ['not enough'] : one.error && !one.no_error ? withError(one.value, one.error) : [threeDigits(one.value)];
@@ -157,7 +162,7 @@ function featureFigures(of, space, shown, places) {
     const limit = isKnown && one.target ? `at ${one.target.better === 'lower' ? 'most' : 'least'} ${threeDigits(one.target.limit)}` : '';
     const key = `${one.name} ${one.tool}`;
     const liveValue = live.has(key) ? `live ${live.get(key) === null ? 'not enough' : threeDigits(live.get(key))}` : '';
-    const place = isKnown && space === '3d' ? (places.get(key) ?? '') : '';
+    const place = isKnown ? (places.get(`${key} ${one.space}`) ?? '') : '';
     const [shownValue, missing, error, shownLimit = '', ...rest] = (shown[what] ?? '').split('|');
     return [what, [shownValue || missing, error, shownLimit.split(':')[0], ...rest].join('|'), [value, off, limit, place, liveValue].join('|')];
   });
@@ -176,13 +181,13 @@ async function figuresOfSession() {
     await every.waitFor({ state: 'detached' });
     await placesLoaded();
   }
-  const inSpace = page.getByRole('button', { name: 'In space', exact: true });
-  if (await inSpace.count()) await inSpace.click(); // Where depth is uncertain, the features in the image come first.
-  const figures = featureFigures(data, '3d', await featureCells(), places);
+  const [first, second] = data.compare_in?.space === 'image' ? ['image', '3d'] : ['3d', 'image'];
+  const figures = featureFigures(data, first, await featureCells(), places);
   if (data.features.some(one => one.space === 'image')) {
-    await page.getByRole('button', { name: 'In the image', exact: true }).click();
-    figures.push(...featureFigures(data, 'image', await featureCells()));
-    await inSpace.click();
+    const press = space => page.getByRole('button', { name: { '3d': 'In space', image: 'In the image' }[space], exact: true }).click();
+    await press(second);
+    figures.push(...featureFigures(data, second, await featureCells(), places));
+    await press(first);
   }
   const made = await facts(page.locator('.card', { has: page.getByRole('heading', { name: 'Made with' }) }).locator('dl'));
   const { video } = data;
@@ -381,7 +386,9 @@ async function figuresOfService() {
 }
 
 async function figuresOfSessionReport() {
-  const { features } = await getJson(`sessions/${session.id}`);
+  const data = await getJson(`sessions/${session.id}`);
+  const { features } = data;
+  const listed = featuresIn(data, data.compare_in?.space ?? '3d');
   const measured = one => `${one.error ? withError(one.value, one.error).join(' ± ') : withoutBar(one)}${['', '1'].includes(one.unit) ? '' : ` ${one.unit}`}`;
   const judged = await cells(page.locator('table.targets'));
   const figures = features.filter(one => one.target && one.value !== null).slice(0, judged.length)
@@ -389,7 +396,7 @@ async function figuresOfSessionReport() {
   const head = await page.locator('table.values thead th').allInnerTexts();
   for (const row of await cells(page.locator('table.values')))
     row.slice(1).forEach((shown, i) => {
-      const one = features.find(of => of.title === row[0] && of.space === '3d' && (of.tool ?? 'Session') === head[i + 1]);
+      const one = listed.find(of => of.title === row[0] && (of.tool ?? 'Session') === head[i + 1]);
       if (one?.value !== null && one) figures.push([`${row[0]}, ${head[i + 1]}`, shown, measured(one)]);
     });
   return figures;
@@ -457,9 +464,9 @@ async function figuresOfOwnToday() {
 const pages = () => ({
   today: ['/', figuresOfToday, '**/api/v1/sessions?status=failed*', data => data.items.push(...[0, 1].map(n => ({ id: `none-${n}`, status: 'failed' })))],
   sessions: ['/sessions', figuresOfSessions, '**/api/v1/sessions?limit=50', data => (data.items.find(one => one.video.duration_s).video.duration_s += 1)],
-  session: [`/sessions/${session.id}`, figuresOfSession, `**/api/v1/sessions/${session.id}`, data => (data.features.find(one => one.value && one.space === '3d').value *= 1.01)],
+  session: [`/sessions/${session.id}`, figuresOfSession, `**/api/v1/sessions/${session.id}`, data => (featuresIn(data, data.compare_in?.space ?? '3d').find(one => one.value).value *= 1.01)],
   'session’s report': [`/sessions/${session.id}/report`, figuresOfSessionReport, `**/api/v1/sessions/${session.id}`,
-    data => data.features.filter(one => one.value && one.space === '3d').forEach(one => (one.value *= 1.01))],
+    data => data.features.filter(one => one.value).forEach(one => (one.value *= 1.01))],
   trainee: [`/trainees/${session.trainee.id}?${progress}`, figuresOfTrainee, '**/progress?*', data => (data.features[0].points.find(one => one.value !== null).value *= 1.01)],
   'trainee’s report': [`/trainees/${session.trainee.id}/report?${progress}`, figuresOfTraineeReport, '**/progress?*',
     data => (data.features[0].points.find(one => one.value !== null).value *= 1.01)],

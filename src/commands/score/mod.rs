@@ -12,8 +12,9 @@ use crate::domain::files::quality::ConcernDocument;
 use crate::domain::skill::{ModelFile, SkillVerdict};
 use crate::motion::PIPELINE_VERSION;
 use crate::motion::assessment::{Assessment, AssessmentSettings, assess};
-use crate::motion::features::FeatureValue;
 use crate::motion::features::errors::NoErrorBar;
+use crate::motion::features::path_error::PathError;
+use crate::motion::features::{FeatureValue, Space};
 use crate::motion::quality::{self, QualityInput, QualityVerdict};
 use crate::vision::trajectory::Trajectory;
 
@@ -118,6 +119,11 @@ fn session_json(
         "reasons": verdict.concerns().iter().map(ConcernDocument::from).collect::<Vec<_>>(),
         "start_s": assessment.task_s.map(|(start, _)| start),
         "end_s": assessment.task_s.map(|(_, end)| end),
+        "compare_in": PathError::of_values(&assessment.features).map(|error| json!({
+            "space": error.better_space().name(),
+            "path_error_3d": error.three_d,
+            "path_error_image": error.image,
+        })),
         "features": values(&assessment.features),
         "evidence": with_evidence.then(|| evidence::json(assessment)),
         "windows": windows.collect::<Vec<_>>(),
@@ -171,10 +177,22 @@ fn session_text(
     let evidence = if with_evidence { evidence::text(assessment) } else { String::new() };
     let values = match verdict.is_refused() {
         true => String::new(),
-        false => table(assessment).to_text() + &reasons(assessment) + &strays + &evidence,
+        false => advice(assessment) + &table(assessment).to_text() + &reasons(assessment) + &strays + &evidence,
     };
     let skill = skill.as_ref().map(skill::text).unwrap_or_default();
     head + &verdict::text(verdict) + &skill + &values
+}
+
+/// Where to compare the values if depth is poor; else nothing.
+fn advice(assessment: &Assessment) -> String {
+    let poor = PathError::of_values(&assessment.features).filter(|error| error.better_space() == Space::Image);
+    poor.map_or_else(String::new, |PathError { three_d, image }| {
+        let [three_d, image] = [three_d, image].map(|share| format!("{:.0} %", 100.0 * share));
+        format!(
+            "depth is poor: path lengths in space (3d) may be off by {three_d}, in the picture (image) by \
+             {image}; compare the values in the picture\n"
+        )
+    })
 }
 
 /// One row per feature and space, one column per tool, and one for the session as a whole.

@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::domain::feature::StoredFeatureKey;
+use crate::domain::feature::{ComparisonSpace, StoredFeatureKey};
 use crate::domain::feed::arrival::Arrival;
 use crate::domain::feed::early_end::EarlyEnd;
 use crate::domain::files::quality::QualityDocument;
@@ -67,6 +67,9 @@ pub struct SessionResponse {
     /// Names of the tools, in the trajectory's order.
     tools: Vec<String>,
     features: Vec<FeatureResponse>,
+    /// Where to look at the features first; `null` while there is no result, and where its paths are short or state no
+    /// errors.
+    compare_in: Option<ComparisonSpace>,
     /// Features at the end of live tracking, if the session was tracked live. The causal filter computes them from all
     /// frames without later smoothing, so they differ from `features`.
     live_features: Option<Vec<LiveFeature>>,
@@ -165,6 +168,9 @@ pub struct FeatureResponse {
     no_error: Option<String>,
     /// True if the true value is at least this one: the recording shows only a part of the attempt.
     is_lower_bound: bool,
+    /// True if depth decides the value: it is measured in space, and is no duration and no time of view. `null` if the
+    /// feature is no longer measured.
+    needs_depth: Option<bool>,
     /// The limit in the task's standard; `null`: none.
     target: Option<FeatureLimit>,
     /// Judgement of the value by this limit.
@@ -230,6 +236,7 @@ impl SessionResponse {
             video,
             tools: Vec::new(),
             features: Vec::new(),
+            compare_in: None,
             live_features: None,
             score: None,
             verdict: None,
@@ -284,6 +291,7 @@ impl SessionResponse {
 
     fn add_result(&mut self, result: store::SessionResult) {
         self.tools = result.tools;
+        self.compare_in = ComparisonSpace::of_session(&result.features);
         self.features = result.features.into_iter().map(FeatureResponse::from).collect();
         self.score = result.score;
         self.quality = Some(result.quality);
@@ -303,7 +311,7 @@ fn named(id: impl ToString, name: impl Into<String>, code: impl Into<String>) ->
 
 impl From<FeatureRow> for FeatureResponse {
     fn from(row: FeatureRow) -> Self {
-        let (family, is_lower_bound) = (row.family(), row.is_lower_bound());
+        let (family, is_lower_bound, needs_depth) = (row.family(), row.is_lower_bound(), row.needs_depth());
         let (value, not_enough) = match row.value {
             Ok(value) => (Some(value), None),
             Err(reason) => (None, Some(reason)),
@@ -321,6 +329,7 @@ impl From<FeatureRow> for FeatureResponse {
             error,
             no_error,
             is_lower_bound,
+            needs_depth,
             target: None,
             judgement: None,
         }

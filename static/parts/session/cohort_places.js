@@ -7,6 +7,7 @@ import { asProblem, useData } from '../../data.js';
 import { href } from '../../router.js';
 import { t } from '../../texts.js';
 import { reasonText } from '../../translate.js';
+import { featuresIn, firstSpace } from './compared_space.js';
 import { featureKey } from './evidence.js';
 
 const words = t.session.places;
@@ -36,12 +37,15 @@ export function useCohortPlaces(session) {
   return { cohorts, code, choose, answer, askAll: isAll ? null : () => setAll(true) };
 }
 
-async function loadPlaces({ id, trainee, task, features }, cohort, isAll, signal) {
-  const names = new Set(isAll ? features.filter(one => one.space === '3d' && one.value !== null).map(one => one.name) : [undefined]);
+async function loadPlaces(session, cohort, isAll, signal) {
+  const { id, trainee, task, features } = session;
+  const measured = featuresIn(features, firstSpace(session)).filter(one => one.value !== null);
+  /** @type {Map<string | undefined, Schemas['FeatureResponse']['space'] | undefined>} */
+  const spaces = new Map(isAll ? measured.map(one => [one.name, one.space]) : [[undefined, undefined]]);
   /** @type {{ cohort?: Props['progress']['cohort'], newest: object | null, places: Map<string, any> }} */
   const result = { cohort: null, newest: null, places: new Map() };
-  for (const feature of names) {
-    const progress = await api.trainees.progress(trainee.id, { task: task.id, feature, space: feature && '3d', cohort }, signal);
+  for (const [feature, space] of spaces) {
+    const progress = await api.trainees.progress(trainee.id, { task: task.id, feature, space, cohort }, signal);
     const newest = progress.sessions.filter(one => !one.set_aside).pop();
     if (newest?.id !== id) return { ...result, newest, general: words.uncounted };
     result.cohort = progress.cohort;

@@ -5,24 +5,27 @@ import { serviceLang, t } from '../../texts.js';
 import { featureTitle } from '../../translate.js';
 import { Empty } from '../page/notice.js';
 import { CohortChooser, CohortPlace } from './cohort_places.js';
+import { featuresIn, firstSpace, isTooUncertain, PoorDepth } from './compared_space.js';
 import { featureKey, Stretches } from './evidence.js';
 import { withError } from '../../with_error.js';
 
 const words = t.session;
 
 /**
- * One row per feature, in the order of the service: `{ name, title, family, unit, byTool: { tool → feature } }`. Live
- * features have no space.
+ * One row per feature, in the order of the service: `{ name, title, family, unit, space, needsDepth, byTool: { tool →
+ * feature } }`. All features of a name have one space; live features have none.
  */
-export function featureRows(features, space) {
+export function featureRows(features) {
   const rows = new Map();
-  for (const feature of features.filter(one => one.space === space)) {
+  for (const feature of features) {
     if (!rows.has(feature.name))
       rows.set(feature.name, {
         name: feature.name,
         title: featureTitle(feature),
         family: feature.family,
         unit: feature.unit,
+        space: feature.space,
+        needsDepth: feature.needs_depth,
         byTool: new Map(),
       });
     rows.get(feature.name).byTool.set(feature.tool, feature);
@@ -30,21 +33,16 @@ export function featureRows(features, space) {
   return [...rows.values()];
 }
 
-/**
- * `hasPoorDepth`: whether the features in the image come first, because depth is uncertain. Features with a limit come
- * first in any case: they are in space.
- *
- * @param {Props} props
- */
-export function Features({ features, live, tools, places, withheld, hasPoorDepth, evidence, playback }) {
+/** @param {Props} props */
+export function Features({ session, places, evidence, playback }) {
+  const { features, live_features: live, tools } = session;
   const [open, setOpen] = useState(null);
-  const [chosen, setSpace] = useState(null);
-  const isImageFirst = hasPoorDepth && features?.some(({ space }) => space === 'image') &&
-    !features.some(({ space, target }) => space === '3d' && target);
-  const space = chosen ?? (isImageFirst ? 'image' : '3d');
+  const [chosen, setChosen] = useState(null);
+  const space = chosen ?? firstSpace(session);
+  const withheld = session.quality?.verdict === 'refused';
   if (withheld) return html`<${Empty} title=${words.withheld} body=${words.withheldBody} />`;
   if (!features?.length) return html`<${Empty} title=${words.noFeatures} body=${words.noFeaturesBody} />`;
-  const rows = featureRows(features, space);
+  const rows = featureRows(featuresIn(features, space));
   const hasSessionFeatures = rows.some(row => row.byTool.has(null));
   const columns = [...tools, ...(hasSessionFeatures ? [null] : [])];
   const general = generalReasons(rows);
@@ -59,9 +57,9 @@ export function Features({ features, live, tools, places, withheld, hasPoorDepth
     ${spaces.length > 1 && html`
       <div class="row chooser" role="group" aria-label=${words.plane}>
         ${spaces.map(name => html`<button key=${name} class="button" type="button" aria-pressed=${space === name}
-          onClick=${() => setSpace(name)}>${name === '3d' ? words.space3d : words.image}</button>`)}
+          onClick=${() => setChosen(name)}>${name === '3d' ? words.space3d : words.image}</button>`)}
       </div>`}
-    ${isImageFirst && html`<p class="small muted chooser">${words.imageFirst}</p>`}
+    <${PoorDepth} session=${session} />
     <${CohortChooser} places=${places} />
     ${liveRows.size > 0 && html`<p class="small muted chooser">${words.liveDiffers}</p>`}
     ${general.map(why => html`<p key=${why} class="small muted chooser" lang=${serviceLang}>${why}</p>`)}
@@ -74,14 +72,12 @@ export function Features({ features, live, tools, places, withheld, hasPoorDepth
             <th scope="col"><span class="unseen">${words.unit}</span></th>
           </tr>
         </thead>
-        ${families(rows).map(([family, members]) => html`
-          <tbody key=${family}>
-            ${words.families[family] && html`<tr><th class="family" scope="rowgroup" colspan=${columns.length + 2}>${
-              words.families[family]
-            }</th></tr>`}
+        ${groups(rows, space).map(([group, title, members]) => html`
+          <tbody key=${group}>
+            ${title && html`<tr><th class="family" scope="rowgroup" colspan=${columns.length + 2}>${title}</th></tr>`}
             ${members.map(row => html`
               <tr key=${row.name}>
-                <th scope="row"><${Title} row=${row} space=${space} evidence=${evidence} open=${open === row.name}
+                <th scope="row"><${Title} row=${row} evidence=${evidence} open=${open === row.name}
                   onToggle=${stretch => toggle(row, stretch)} />${whyNot(row)
                   .filter(why => !general.includes(why))
                   .map(why => html`<small key=${why} lang=${serviceLang}>${why}</small>`)}<${Definition} row=${row} /></th>
@@ -91,20 +87,20 @@ export function Features({ features, live, tools, places, withheld, hasPoorDepth
               </tr>
               ${open === row.name && html`
                 <tr key=${`${row.name} seconds`} class="seconds"><td colspan=${columns.length + 2}>
-                  ${columns.filter(tool => rowOf(evidence, row, tool, space)).map(tool => html`
+                  ${columns.filter(tool => rowOf(evidence, row, tool)).map(tool => html`
                     <div key=${tool} class="row seconds-row">${tool && html`<strong class="small">${tool}</strong>`}
-                      <${Stretches} row=${rowOf(evidence, row, tool, space)} playback=${playback} /></div>`)}
+                      <${Stretches} row=${rowOf(evidence, row, tool)} playback=${playback} /></div>`)}
                 </td></tr>`}`)}
           </tbody>`)}
       </table>
     </div>`;
 }
 
-const rowOf = (evidence, row, tool, space) => evidence?.get(featureKey(row.name, tool, space));
+const rowOf = (evidence, row, tool) => evidence?.get(featureKey(row.name, tool, row.space));
 
 /** A feature with stretches is a button that shows them. @param {Props} props */
-function Title({ row, space, evidence, open, onToggle }) {
-  const rows = [...row.byTool.keys()].map(tool => rowOf(evidence, row, tool, space)).filter(Boolean);
+function Title({ row, evidence, open, onToggle }) {
+  const rows = [...row.byTool.keys()].map(tool => rowOf(evidence, row, tool)).filter(Boolean);
   const withStretches = rows.filter(evidenceRow => evidenceRow.stretches.length);
   if (!rows.some(evidenceRow => evidenceRow.stretches.length || evidenceRow.none?.reason === 'nothing_stands_out')) return row.title;
   return html`<button class="feature-of" type="button" aria-expanded=${open}
@@ -117,8 +113,16 @@ const Definition = ({ row }) => html`
   ${words.definitions[row.name] && html`<small>${words.definitions[row.name]}</small>`}
   ${[...row.byTool.values()].some(feature => feature.is_lower_bound) && html`<small>${words.atLeastMeans}</small>`}`;
 
+/** `[key, title, rows]`: family by family. In the image, what needs depth follows at the end. */
+function groups(rows, space) {
+  const isDeep = row => space === 'image' && row.needsDepth;
+  const [flat, deep] = [rows.filter(row => !isDeep(row)), rows.filter(isDeep)];
+  const ofFamilies = families(flat).map(([family, members]) => [family, words.families[family], members]);
+  return deep.length ? [...ofFamilies, ['depth', words.comparedSpace.needDepth, deep]] : ofFamilies;
+}
+
 /** `[family, rows]`, each in the order of its first row. */
-export function families(rows) {
+function families(rows) {
   const heads = new Map();
   for (const row of rows) heads.set(row.family, [...(heads.get(row.family) ?? []), row]);
   return [...heads];
@@ -150,7 +154,7 @@ function Value({ feature, answer }) {
   if (feature.is_lower_bound) return html`<${AtLeast} feature=${feature} /><${Limit} feature=${feature} />`;
   if (isMissing(feature)) return html`<span class="not-enough">${words.notEnough}</span>`;
   const [value, half] = feature.error && !feature.no_error ? withError(feature.value, feature.error) : [number(feature.value)];
-  return html`${value}<${Uncertainty} feature=${feature} half=${half} /><${Limit} feature=${feature} /><${CohortPlace}
+  return html`${value}<${Uncertainty} feature=${feature} half=${half} /><${TooUncertain} feature=${feature} /><${Limit} feature=${feature} /><${CohortPlace}
     feature=${feature} answer=${answer} />`;
 }
 
@@ -166,6 +170,10 @@ function Uncertainty({ feature: { error, no_error: why }, half }) {
   const explanation = words.offMeans(number(error.low), number(error.high));
   return html`<small class="off" title=${explanation} aria-label=${explanation}>${words.off(half)}</small>`;
 }
+
+/** That a value which needs depth may be off by so much that it is not worth a comparison. @param {Props} props */
+const TooUncertain = ({ feature }) => isTooUncertain(feature) && html`
+  <small class="too-uncertain" title=${words.comparedSpace.tooUncertainMeans}>${words.comparedSpace.tooUncertain}</small>`;
 
 /** A value that the recording shows only in part. @param {Props} props */
 const AtLeast = ({ feature }) => html`<span title=${words.atLeastMeans}>${words.atLeast(number(feature.value))}</span>`;

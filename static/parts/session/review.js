@@ -106,9 +106,7 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
  * @param {Props} props
  */
 const MeasuredFeatures = ({ session, evidence, playback }) => html`
-  <${Features} features=${session.features} live=${session.live_features} tools=${session.tools} places=${useCohortPlaces(session)}
-    evidence=${evidence} playback=${playback} withheld=${session.quality?.verdict === 'refused'}
-    hasPoorDepth=${session.quality?.reasons?.some(({ name }) => name === 'bare_tool')} />`;
+  <${Features} session=${session} places=${useCohortPlaces(session)} evidence=${evidence} playback=${playback} />`;
 
 /** The evidence of the features, and what to work on next; the page works without either. */
 function useEvidence(session) {

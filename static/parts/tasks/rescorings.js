@@ -127,7 +127,7 @@ function ChangedSessions({ pages }) {
       <tbody>${changed.map(one => html`<tr key=${one.session}>
         <th scope="row"><a href=${href(['sessions', one.session])}>${one.trainee.name}, ${dateTime(one.recorded_at)}</a></th>
         <td>${words.judgements[one.old.judgement] ?? '–'}</td><td>${words.judgements[one.new.judgement] ?? '–'}</td>
-        <td class="small">${one.features.filter(feature => feature.change === 'apart').slice(0, 4).map(feature => html`<div key=${`${feature.feature} ${feature.tool}`}>
+        <td class="small">${one.features.filter(feature => feature.change === 'apart').slice(0, 4).map(feature => html`<div key=${`${feature.feature} ${feature.tool} ${feature.space}`}>
           ${words.was(featureWithTool(feature), valueOf(feature.old, feature.unit), valueOf(feature.new, feature.unit))}</div>`)}</td></tr>`)}</tbody>
     </table></div>`}
     <${PageFooter} pages=${isAll ? { ...pages, next: null } : pages} name=${words.moreSessions} />`;

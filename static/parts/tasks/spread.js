@@ -9,6 +9,7 @@ import { featureTitle, reasonText } from '../../translate.js';
 import { Field } from '../forms/form.js';
 import { Empty, Loading, ProblemNotice } from '../page/notice.js';
 import { SpreadPlot } from '../charts/spread_plot.js';
+import { spaceChoices, spaceOf } from './space_choice.js';
 import { limitableFeatures, toolChoices } from './standard_target.js';
 
 const words = t.spread;
@@ -17,25 +18,26 @@ const WAIT_MS = 250; // Between the last move of the limit and the request for i
 
 export function Spread({ data: { task, standards, features, cohorts, tools }, onTake }) {
   const target = standards[0]?.targets[0];
-  const [selection, setSelection] = useState({ feature: target?.feature ?? 'duration', tool: target?.tool ?? '', hand: target?.made_from?.handedness ?? 'right',
+  const [selection, setSelection] = useState({ feature: target?.feature ?? 'duration', tool: target?.tool ?? '', space: target?.space ?? '3d', hand: target?.made_from?.handedness ?? 'right',
     first: '', second: '' });
-  const known = targetOf(standards[0], selection);
   const [movedLimit, setMovedLimit] = useState(null);
-  const limit = movedLimit ?? known?.limit ?? null;
-  const settled = useSettled(limit);
   const feature = features.find(one => one.name === selection.feature);
   const tool = feature?.of_tools ? selection.tool : '';
+  const space = spaceOf(feature, selection.space);
+  const known = targetOf(standards[0], { ...selection, space });
+  const limit = movedLimit ?? known?.limit ?? null;
+  const settled = useSettled(limit);
   const isReady = !feature || feature.of_session || tool !== '';
   const groups = [selection.first, selection.second].filter(Boolean).join(',');
   const { data, current, problem, reload } = useData(
-    signal => isReady ? api.tasks.distribution(task.id, { feature: selection.feature, tool, cohorts: groups, hand: tool && selection.hand, limit: settled }, signal) : null,
-    [task.id, selection.feature, tool, groups, selection.hand, settled, isReady]);
+    signal => isReady ? api.tasks.distribution(task.id, { feature: selection.feature, tool, space, cohorts: groups, hand: tool && selection.hand, limit: settled }, signal) : null,
+    [task.id, selection.feature, tool, space, groups, selection.hand, settled, isReady]);
   const set = name => event => {
     setSelection({ ...selection, [name]: event.target.value });
-    if (name === 'feature' || name === 'tool') setMovedLimit(null);
+    if (name === 'feature' || name === 'tool' || name === 'space') setMovedLimit(null);
   };
   const people = [['', words.everybody], ...cohorts.map(one => [one.code, t.standardForm.cohortOf(one.name, one.people)])];
-  const shown = data && data.feature === selection.feature && (data.tool ?? '') === tool ? data : null;
+  const shown = data && data.feature === selection.feature && (data.tool ?? '') === tool && data.space === space ? data : null;
   return html`
     <section class="card">
       <header><h2>${words.title}</h2></header>
@@ -44,6 +46,8 @@ export function Spread({ data: { task, standards, features, cohorts, tools }, on
           options=${limitableFeatures(features).map(one => [one.name, featureTitle(one)])} />
         ${feature?.of_tools && html`<${Field} type="select" label=${words.tool} value=${tool} onInput=${set('tool')}
           options=${toolChoices(feature, tools)} />`}
+        ${spaceChoices(feature).length > 0 && html`<${Field} type="select" label=${t.standardForm.space} value=${space} onInput=${set('space')}
+          options=${spaceChoices(feature)} />`}
         ${tool && html`<${Field} type="select" label=${words.hand} value=${selection.hand} onInput=${set('hand')}
           options=${Object.entries(t.trainees.hands)} />`}
         ${cohorts.length > 0 && html`<${Field} type="select" label=${words.first} value=${selection.first} options=${people} onInput=${set('first')} />
@@ -55,13 +59,13 @@ export function Spread({ data: { task, standards, features, cohorts, tools }, on
         <${ProblemNotice} problem=${problem} onRetry=${reload} />
         ${isReady && !shown && !problem && html`<${Loading} />`}
         ${shown && html`<${DistributionView} distribution=${shown} isFresh=${shown === current && limit === settled} limit=${limit} known=${known?.limit} isNovices=${selection.first !== ''} onMove=${setMovedLimit}
-          onTake=${onTake && (() => onTake({ feature: selection.feature, tool, limit }))} />`}
+          onTake=${onTake && (() => onTake({ feature: selection.feature, tool, space, limit }))} />`}
       </div>
     </section>`;
 }
 
-const targetOf = (standard, { feature, tool }) =>
-  standard?.targets.find(one => one.feature === feature && (one.tool ?? '') === tool);
+const targetOf = (standard, { feature, tool, space }) =>
+  standard?.targets.find(one => one.feature === feature && (one.tool ?? '') === tool && one.space === space);
 
 /** The value after it has not changed for a moment. */
 function useSettled(value) {

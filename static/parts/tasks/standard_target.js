@@ -4,12 +4,13 @@ import { number, unit } from '../../format.js';
 import { t } from '../../texts.js';
 import { exerciseTitle, featureTitle } from '../../translate.js';
 import { Field } from '../forms/form.js';
+import { spaceChoices } from './space_choice.js';
 
 const words = t.standardForm;
 const PEOPLE_METHODS = ['trimmed_experts', 'contrasting_groups', 'best_share'];
 let lastKey = 0;
 
-const EMPTY = { feature: 'duration', tool: '', space: undefined, method: 'fixed', limit: '', preset: '', experts: '', novices: '', cohort: '', share: '25' };
+const EMPTY = { feature: 'duration', tool: '', space: '3d', method: 'fixed', limit: '', preset: '', experts: '', novices: '', cohort: '', share: '25' };
 const makeTarget = more => ({ ...EMPTY, key: (lastKey += 1), ...more });
 
 /**
@@ -23,15 +24,17 @@ export function initialTargets(first, data, mayMake) {
 }
 
 /**
- * The targets with a limit that was chosen elsewhere: it replaces the target of the same feature and tool, or is added.
+ * The targets with a limit that was chosen elsewhere: it replaces the target of the same feature, tool and space, or is
+ * added.
  */
-export function withChosenLimit(targets, { feature, tool, limit }) {
-  const chosen = makeTarget({ feature, tool, limit: String(Number(limit.toPrecision(6))) });
+export function withChosenLimit(targets, { feature, tool, space, limit }) {
+  const chosen = makeTarget({ feature, tool, space, limit: String(Number(limit.toPrecision(6))) });
   const at = targets.findIndex(one => isSameTarget(one, chosen));
   return at < 0 ? [...targets, chosen] : targets.map((one, i) => (i === at ? chosen : one));
 }
 
-export const isSameTarget = (target, { feature, tool }) => target.feature === feature && target.tool === tool;
+export const isSameTarget = (target, { feature, tool, space }) =>
+  target.feature === feature && target.tool === tool && target.space === space;
 
 /** One more target; the first one is usually a published time. */
 export const newTarget = ({ standards, presets }) =>
@@ -79,7 +82,8 @@ export function TargetFields({ target, data: { features, presets, cohorts, tools
   const { method } = target;
   const changeFeature = event => {
     const isTime = event.target.value === 'duration'; // Only times have published limits.
-    onChange({ feature: event.target.value, tool: '', space: undefined, ...(method === 'fls' && !isTime ? { method: 'fixed' } : {}) });
+    const space = features.find(one => one.name === event.target.value)?.spaces[0];
+    onChange({ feature: event.target.value, tool: '', space, ...(method === 'fls' && !isTime ? { method: 'fixed' } : {}) });
   };
   const choices = [['', t.target.choose], ...cohorts.map(one => [one.code, words.cohortOf(one.name, one.people)])];
   return html`
@@ -87,6 +91,7 @@ export function TargetFields({ target, data: { features, presets, cohorts, tools
       <${Field} type="select" label=${words.feature} value=${target.feature} onInput=${changeFeature}
         options=${limitableFeatures(features).map(one => [one.name, featureTitle(one)])} />
       ${feature?.of_tools && select('tool', words.tool, toolChoices(feature, tools), !feature.of_session)}
+      ${spaceChoices(feature).length > 0 && select('space', words.space, spaceChoices(feature), true)}
       ${select('method', words.method, methods, true)}
       ${method === 'fixed' && html`<${Field} type="number" step="any" required label=${words.limit(unit(feature?.unit))}
         value=${target.limit} onInput=${set('limit')} />`}

@@ -97,6 +97,37 @@ async fn rows_of_another_tracker_become_a_session_that_names_the_tracker() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_session_with_poor_depth_is_compared_in_the_picture_and_says_how_far_off_it_is() {
+    let centre = centre_with_worker().await;
+    let compared = async |sigma: Option<f64>, tracker: &str| {
+        let query = format!("trainee=ada&tracker={tracker}");
+        import_and_wait(&centre.instructor, &query, table(&["left", "right"], sigma)).await
+    };
+    let poor = compared(Some(1.5), "Poor").await;
+    let path = |space: &str| {
+        let is_path = |one: &&Value| one["name"] == "path_length" && one["space"] == space;
+        let paths = poor["features"].as_array().unwrap().iter().filter(is_path);
+        let [half, length] = paths.fold([0.0; 2], |[half, length], one| {
+            let of = |key: &str| one["error"][key].as_f64().unwrap();
+            [half + 0.5 * (of("high") - of("low")), length + one["value"].as_f64().unwrap()]
+        });
+        half / length
+    };
+    let stated = &poor["compare_in"];
+    assert_eq!(stated["space"], "image", "{stated}");
+    for (key, space) in [("path_error_3d", "3d"), ("path_error_image", "image")] {
+        assert!((stated[key].as_f64().unwrap() - path(space)).abs() < 1e-9, "{stated}");
+    }
+    assert!(path("3d") > 0.3 && path("image") < 0.1, "{stated}");
+    let needs = |name: &str| feature(&poor, name)["needs_depth"].clone();
+    let needed = ["path_length", "working_volume", "duration", "not_seen_share"].map(needs);
+    assert_eq!(needed, [true, true, false, false].map(Value::from));
+
+    assert_eq!(compared(Some(0.1), "Good").await["compare_in"]["space"], "3d");
+    assert_eq!(compared(None, "Silent").await["compare_in"], Value::Null, "no stated errors");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_table_with_a_row_that_no_hand_reaches_is_refused_until_the_row_is_deleted() {
     let centre = centre_with_worker().await;
     let good = table(&["left", "right"], Some(0.1));

@@ -22,6 +22,7 @@ pub mod motion;
 pub mod movement;
 mod not_enough;
 pub mod path;
+pub mod path_error;
 pub mod pauses;
 pub mod per_movement;
 pub mod reference;
@@ -58,7 +59,7 @@ pub(in crate::motion) use stretch_source::StretchSource;
 pub enum Space {
     /// x, y and z.
     ThreeD,
-    /// x and y only, in mm: the thesis's form. The camera's weak depth does not affect it.
+    /// x and y only, in mm: the thesis's form. The camera's weak depth hardly affects it: it changes the scale alone.
     Image,
 }
 
@@ -309,6 +310,12 @@ impl Feature {
     /// True if the session as a whole has a value.
     pub fn has_session_value(&self) -> bool {
         self.measures.iter().any(|measure| matches!(measure, MeasureFn::Session(_) | MeasureFn::Pair(_)))
+    }
+
+    /// True if depth decides its value in a space: every feature in three dimensions except the times of view and the
+    /// duration, whose beginning and end show in the picture.
+    pub fn needs_depth(&self, space: Space) -> bool {
+        space == Space::ThreeD && self.family != Family::View && *self != time::DURATION
     }
 
     fn measure(

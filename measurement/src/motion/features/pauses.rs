@@ -5,7 +5,7 @@
 
 use super::motion::{Interval, Motion};
 use super::movement::rests;
-use super::{Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource};
 
 /// How often the tool stops briefly.
 pub static SHORT_PAUSES: Feature = Feature {
@@ -85,7 +85,7 @@ const PAUSE_RATE: Feature = Feature {
     description: "",
     source: "AIMotion (micro-pause, check, lost time), per hand; counted by D'Angelo 2016",
     range: (0.0, 600.0),
-    spaces: THREE_D,
+    spaces: BOTH,
     windowed: false,
     stretches: StretchSource::WholeTask,
     habit: None,

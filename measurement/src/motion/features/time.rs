@@ -53,7 +53,7 @@ pub static IDLE_SHARE: Feature = Feature {
     description: "Share of the seen time of the task that lies in rests of at least {pause_min} s between movements.",
     source: "D'Angelo 2016 (idle time)",
     range: (0.0, 1.0),
-    spaces: THREE_D,
+    spaces: BOTH,
     windowed: true,
     stretches: StretchSource::Rests,
     habit: Some(Habit::RestLess),

@@ -2,7 +2,7 @@
 
 use super::motion::Motion;
 use super::two_hands::common_nodes;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, StretchSource, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, MeasureFn, NotEnough, StretchSource};
 use crate::numbers::quantile::quantile;
 
 /// Mean distance.
@@ -27,7 +27,6 @@ pub static TIP_DISTANCE_SPREAD: Feature = Feature {
     name: "tip_distance_spread",
     title: "Spread of the tips' distance",
     description: "Standard deviation of the distance between the two tips while both are seen.",
-    spaces: THREE_D,
     windowed: false,
     stretches: StretchSource::UnusualTipDistance,
     measures: &[MeasureFn::Pair(tip_distance_spread)],
@@ -39,7 +38,6 @@ pub static TIP_DISTANCE_LOW: Feature = Feature {
     name: "tip_distance_low",
     title: "Distance between the tips (5 %)",
     description: "The tips are closer than this in 5 % of the time in which both are seen.",
-    spaces: THREE_D,
     windowed: false,
     stretches: StretchSource::ShortTipDistance,
     measures: &[MeasureFn::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.05))],
@@ -51,7 +49,6 @@ pub static TIP_DISTANCE_HIGH: Feature = Feature {
     name: "tip_distance_high",
     title: "Distance between the tips (95 %)",
     description: "The tips are farther apart than this in 5 % of the time in which both are seen.",
-    spaces: THREE_D,
     windowed: false,
     stretches: StretchSource::LongTipDistance,
     measures: &[MeasureFn::Pair(|a, b, settings| tip_distance_quantile(a, b, settings, 0.95))],

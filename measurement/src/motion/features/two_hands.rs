@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use super::motion::{Interval, Motion, MotionNode, Span};
 use super::movement::movements;
 use super::path::path_length;
-use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource, THREE_D};
+use super::{BOTH, Direction, Family, Feature, FeatureSettings, Habit, MeasureFn, NotEnough, StretchSource};
 
 /// Whether the hands speed up and slow down together.
 pub static SYNCHRONY: Feature = Feature {
@@ -35,7 +35,7 @@ pub static TOGETHER_SHARE: Feature = Feature {
                   are.",
     source: "ours: two-hand synchrony in time",
     range: (0.0, 1.0),
-    spaces: THREE_D,
+    spaces: BOTH,
     windowed: false,
     stretches: StretchSource::EitherHandAlone,
     habit: Some(Habit::BothHands),
@@ -113,7 +113,6 @@ pub static HANDEDNESS_IN_TIME: Feature = Feature {
     name: "handedness_in_time",
     title: "Share of the moving time",
     description: "This tool's share of both tools' time in movements; 0.5 is balance.",
-    spaces: THREE_D,
     stretches: StretchSource::OwnHandAlone,
     measures: &[MeasureFn::EachOfPair(handedness_in_time)],
     ..HANDEDNESS

@@ -139,6 +139,54 @@ fn pauses_are_counted_by_their_length() {
     assert_eq!(of_first(&got, "movements"), 5.0);
 }
 
+/// Time from the start of a stroke of 40 mm in 1.5 s until it is as fast as a movement, s.
+fn onset_s() -> f64 {
+    1.5 * (1.0 - (1.0 - 4.0 * (7.0f64 / 800.0).sqrt()).sqrt()) / 2.0
+}
+
+#[test]
+fn a_tool_that_moves_along_the_line_of_sight_rests_in_the_picture() {
+    // Every 6 s a stroke of 40 mm across the picture and one in depth, each in 1.5 s before a rest of 1.5 s.
+    let path = |t: f64| {
+        let (lap, left) = ((t / 6.0).floor(), t % 6.0);
+        let place = |u: f64| if lap as usize % 2 == 0 { 40.0 * stroke(u) } else { 40.0 * (1.0 - stroke(u)) };
+        Point3::new(place(left / 1.5), 0.0, 180.0 + place((left - 3.0) / 1.5))
+    };
+    let got = score(&record(&times(50.0, 8.0 * 6.0 + 3.0), &[&path]));
+    let task_s = of_first(&got, "duration");
+    for (space, tier, count, rest_s) in [(Space::ThreeD, "medium", 16.0, 1.5), (Space::Image, "long", 8.0, 4.5)] {
+        let of = |name: &str| get(&got, name, Some(0), space).unwrap();
+        near(of(&format!("{tier}_pauses")), count / (task_s / 60.0), 1e-6);
+        near(of("idle_share"), count * (rest_s + 2.0 * onset_s()) / task_s, 2e-2);
+        near(of(&format!("{tier}_pause_share")), of("idle_share"), 1e-12);
+        assert_eq!(of("short_pauses") + of("short_pause_share"), 0.0);
+    }
+}
+
+#[test]
+fn in_the_picture_a_hand_that_moves_in_depth_alone_leaves_the_work_to_the_other() {
+    let strokes = |t: f64| {
+        let place = stroke((t % 3.0) / 1.5);
+        40.0 * if (t / 3.0) as usize % 2 == 0 { place } else { 1.0 - place }
+    };
+    let across = |t: f64| Point3::new(strokes(t), 0.0, 180.0);
+    let in_depth = |t: f64| Point3::new(100.0, 0.0, 180.0 + strokes(t));
+    let got = score(&record(&times(50.0, 30.0), &[&across, &in_depth]));
+    let of = |name: &str, tool: Option<usize>| [Space::ThreeD, Space::Image].map(|space| get(&got, name, tool, space));
+    assert_eq!(of("together_share", None), [Ok(1.0), Ok(0.0)]);
+    assert_eq!(of("handedness_in_time", Some(0)), [Ok(0.5), Ok(1.0)]);
+    let ([alone, alone_in_picture], [neither, in_picture]) = (of("one_hand_share", None), of("neither_share", None));
+    assert_eq!((alone, neither), (Ok(0.0), in_picture));
+    near(alone_in_picture.unwrap() + in_picture.unwrap(), 1.0, 1e-12);
+    // Most of the time the first tip is at either end of its stroke, 40 mm apart.
+    let [low, high] =
+        ["tip_distance_low", "tip_distance_high"].map(|name| get(&got, name, None, Space::Image).unwrap());
+    near(low, 60.0, 1e-2);
+    near(high, 100.0, 1e-2);
+    let spread = get(&got, "tip_distance_spread", None, Space::Image).unwrap();
+    assert!(spread > 15.0 && spread < 20.0, "{spread}");
+}
+
 #[test]
 fn a_tremor_of_4_hz_is_a_tremor_and_a_slow_circle_has_none() {
     let path = |tremor_mm: f64| {

@@ -41,6 +41,19 @@ fn a_resting_tool_is_idle_and_its_path_is_none_within_its_error() {
     assert!((0..8).filter(|seed| is_none(*seed)).count() >= 7);
 }
 
+#[test]
+fn errors_of_depth_hide_the_rests_in_space_and_not_in_the_picture() {
+    let mut dice = Dice::new(1, "depth alone");
+    let mut poor = record(&times(25.0, 40.0), &[&square(0.0)]);
+    let idle =
+        |path: &Trajectory| [Space::ThreeD, Space::Image].map(|space| get(&score(path), "idle_share", Some(0), space));
+    let [good, good_in_picture] = idle(&poor).map(Result::unwrap);
+    assert!(good > 0.3 && (good - good_in_picture).abs() < 1e-12, "{good} {good_in_picture}");
+    poor.samples.iter_mut().for_each(|sample| sample.tip_mm.z += 2.0 * dice.gauss());
+    let [hidden, in_picture] = idle(&poor).map(Result::unwrap);
+    assert!(hidden < 0.5 * good && (in_picture - good).abs() < 0.05, "{good}: {hidden} {in_picture}");
+}
+
 /// Sum of a feature over the windows, and its value over the task.
 fn windows_and_total(assessment: &Assessment, name: &str) -> (f64, f64) {
     let space = find(name).unwrap().spaces[0];

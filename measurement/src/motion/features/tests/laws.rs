@@ -111,8 +111,12 @@ const RIGID: [&str; 20] = [
 ];
 
 /// Features of the picture that do not depend on its orientation.
-const PLANAR: [&str; 8] = [
+const PLANAR: [&str; 12] = [
     "path_length",
+    "idle_share",
+    "short_pauses",
+    "medium_pauses",
+    "long_pause_share",
     "working_area",
     "spread",
     "median_curvature",
