@@ -29,7 +29,8 @@ def measure(bench, scenes):
              "chosen, only the even ones were looked at.")
     compared = ("Reference methods beside Trocar on the same scenes, refused ones included: a reference method refuses "
                 "nothing and states no errors. *In space*: *found*, with the axis within 2° in space instead of the "
-                "picture. RMS errors are those of all rows together, wrong ones included.")
+                "picture. *Rows*: measured ones on all frames. RMS errors are those of all rows on frames that count, wrong "
+                "ones included.")
     return Part(goals(judged), [about, table(HEAD, [row for scene in judged for row in rows(scene)]),
                                 compared, table(METHODS_HEAD, method_rows(judged))])
 
@@ -66,7 +67,7 @@ def pooled(tools, key):
 
 def found_goal(scenes):
     tools = tools_of(scenes)
-    shown, rows, false, swaps = (sum(tool[key] for tool in tools) for key in ("shown", "rows", "false", "swaps"))
+    shown, rows, false, swaps = (sum(tool[key] for tool in tools) for key in ("shown", "measured", "false", "swaps"))
     share, in_kept = found_share(tools), found_share(tools_of(kept(scenes)))
     false_share = 100 * false / max(rows, 1)
     return Goal("bare worlds, true camera, easy and ordinary: tool found (axis within 2°, tip within 3 mm across) where "
@@ -129,7 +130,7 @@ def refused_goal(judged):
 def reference_goal(scenes, method):
     tools = tools_of(scenes, method)
     across, along = (pooled(tracked(scenes, method), key) for key in ("across", "along"))
-    rows, false = (sum(tool[key] for tool in tools) for key in ("rows", "false"))
+    rows, false = (sum(tool[key] for tool in tools) for key in ("measured", "false"))
     errors = "no rows" if across is None else f"{across:.1f}; {along:.1f} mm"
     return Goal(f"{METHODS[method]} as written, same scenes: tool found; RMS error across; along; false rows", "none set",
                 f"{100 * found_share(tools):.1f} %; {errors}; {false} of {rows}", None)
@@ -167,7 +168,7 @@ def method_rows(judged):
 
 def method_row(group, name, scenes, method):
     tools, with_rows = tools_of(scenes, method), tracked(scenes, method)
-    shown, count, false, swaps = (str(sum(tool[key] for tool in tools)) for key in ("shown", "rows", "false", "swaps"))
+    shown, count, false, swaps = (str(sum(tool[key] for tool in tools)) for key in ("shown", "measured", "false", "swaps"))
     found = (f"{100 * found_share(tools, key):.1f} %" for key in ("found_where_shown", "found_in_space"))
     return [group, name, str(len(tools)), shown, *found, count,
             *(number(pooled(with_rows, key)) for key in ("across", "along", "axis_picture", "axis_camera")), false, swaps]

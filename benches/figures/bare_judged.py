@@ -64,7 +64,7 @@ def reference(scene, folder, truth, camera, name):
 
 def found_where_shown(truth, camera, number, rows):
     """Frames where the tip and enough of the shaft show; on how many the tool was found, with the axis judged in the picture
-    and in space."""
+    and in space; and the measured rows on all frames."""
     tool = truth["tools"][number]
     shown = found = found_in_space = 0
     for frame in truth["frames"]:
@@ -82,8 +82,9 @@ def found_where_shown(truth, camera, number, rows):
         is_near = np.linalg.norm(error - (error @ ray) * ray) <= NEAR_MM
         found += bool(is_near and judge.axis_error(row["axis"], axis, ray)[0] <= NEAR_DEGREES)
         found_in_space += bool(is_near and angle_degrees(row["axis"], axis) <= NEAR_DEGREES)
+    measured = sum(name == tool["tool"] and row["state"] != "predicted" for (_, name), row in rows.items())
     return dict(tool=tool["tool"], diameter_mm=tool["bare_tube_diameter_mm"], shown=shown, found_where_shown=found,
-                found_in_space=found_in_space)
+                found_in_space=found_in_space, measured=measured)
 
 
 def shown_mm(tool, true, camera):

@@ -1,16 +1,17 @@
 """Tools without tape in scenes of the simulator: both at rest for a minute, and one whose tip is hidden for half a second, again
-and again.
+and again: behind a block that is a part of the box, and in a copy of the clip behind a card that is not.
 
 The truth says how much of the last 40 mm of a shaft can be seen. In these scenes nothing hides a shaft but the block before the
-tip, so the tip is hidden where less than all can be seen.
+tip, so the tip is hidden by it where less than all can be seen. The card is drawn over the clip between two sights of the block.
 """
 import csv
 import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 from statistics import fmean
 
-from programs import Goal, Part, table
+from programs import Goal, Part, run, table
 
 VIEWS = ("top", "side")
 AT_REST_MM_S = 0.5
@@ -20,6 +21,8 @@ SEEN = 0.99  # share of the last 40 mm: an end within 0.4 mm is not hidden
 # The error beside a gap: the mean over frames so long before and after it. Nearer frames are smoothed together with the gap.
 BESIDE_S = (0.2, 0.6)
 MOST_ALONG_MM, MOST_ACROSS_MM = 2, 0.4
+# The card: time over the tip, half of its side, and how far its middle is ahead of the tip.
+CARD_S, CARD_HALF_MM, CARD_AHEAD_MM, CARD_COLOUR = 0.5, 14, 8, "0x9a9488"
 REST_HEAD = ["scene", "tool", "from frame", "seconds", "followed", "first followed", "longest gap", "smoothed speed", "verdict"]
 HIDDEN_HEAD = ["scene", "path", "gaps", "hidden frames", "with a row", "observed", "in 95 %", "added along", "added across",
                "verdict"]
@@ -27,11 +30,13 @@ HIDDEN_HEAD = ["scene", "path", "gaps", "hidden frames", "with a row", "observed
 
 def measure(bench, scenes):
     rests = [rest(bench, scenes.bare("long-rest", view)) for view in VIEWS]
-    gaps = [hidden(bench, scenes.bare("hidden-tip", view), path) for view in VIEWS for path in ("smoothed", "causal")]
+    covered = [case for view in VIEWS for case in covers(scenes, scenes.bare("hidden-tip", view))]
+    gaps = [hidden(bench, *case, path) for case in covered for path in ("smoothed", "causal")]
     about_rests = ("Bare tools at rest, in the simulator's `long-rest`. *From frame*: the first frame of the rest. *Followed*: "
                    "share of its frames with a measured tip within 3 mm across the line of sight and an axis within 2° in the "
                    "picture. *Smoothed speed*: RMS over the rest without its first half second.")
-    about_gaps = ("A hidden tip, in the simulator's `hidden-tip`: a block hides the tip again and again. *With a row*, "
+    about_gaps = ("A hidden tip, in the simulator's `hidden-tip`: a block hides the tip again and again. The block is a part of "
+                  "the box; a *card* is not: it is drawn over the tip for half a second in a copy of the clip. *With a row*, "
                   "*observed*: hidden frames with any position, and with one that claims to be measured. *In 95 %*: share of "
                   f"the rows inside their stated region. *Added*: RMS error less the mean error {BESIDE_S[0]} to "
                   f"{BESIDE_S[1]} s before and after the gap, along the tool's axis in space, and across it in the picture, mm.")
@@ -129,14 +134,48 @@ def rest_rows(of_scene):
 # ── hidden tip ──────────────────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def hidden(bench, scene, path):
+def covers(scenes, scene):
+    """The scene with its gaps behind the block, and a copy of its clip with those behind a card."""
+    frames = json.loads(scene.truth.read_text())["frames"]
+    blocks = gaps_of(frames)
+    cards = cards_of(frames, blocks)
+    copy = scenes.beside(scene, "card")
+    if not copy.video.exists():
+        camera = json.loads(scene.true_camera.read_text())
+        drawn = ",".join(card(frames[at]["tools"][0], at, camera) for gap in cards for at in gap)
+        run(["ffmpeg", "-v", "error", "-y", "-i", scene.video, "-vf", drawn, "-c:v", "libx264", "-qp", 10, "-pix_fmt", "yuv420p",
+             copy.video])
+    return [(replace(scene, name=f"{scene.name}, block"), blocks),
+            (replace(copy, name=f"{scene.name}, card", annotations=scene.annotations), cards)]
+
+
+def cards_of(frames, blocks):
+    """Gaps of half a second, two between each pair of gaps behind the block."""
+    count = round(CARD_S / (frames[1]["time_s"] - frames[0]["time_s"]))
+    starts = [before[-1] + round(third * (after[0] - before[-1]) / 3) - count // 2
+              for before, after in pairwise(blocks) for third in (1, 2)]
+    return [list(range(start, start + count)) for start in starts]
+
+
+def card(true, at, camera):
+    """What draws a card over the tip on a frame. It follows the tip."""
+    x, y, z = true["tip_mm"]
+    ahead = [true["axis"][0] * z - x * true["axis"][2], true["axis"][1] * z - y * true["axis"][2]]
+    px = camera["fx"] / z
+    length = math.hypot(*ahead)
+    left, top = (round(tip + px * (CARD_AHEAD_MM * way / length - CARD_HALF_MM)) for tip, way in zip(true["tip_px"], ahead))
+    side = round(2 * CARD_HALF_MM * px)
+    return f"drawbox=x={left}:y={top}:w={side}:h={side}:color={CARD_COLOUR}:t=fill:enable='eq(n,{at})'"
+
+
+def hidden(bench, scene, gaps, path):
     """What the gaps of a scene add to the errors of a path."""
     _, rows, verdict = tracked(bench, scene, path)
     frames = json.loads(scene.truth.read_text())["frames"]
     step_s = frames[1]["time_s"] - frames[0]["time_s"]
     near, far = (round(seconds / step_s) for seconds in BESIDE_S)
     added, with_row, observed, inside, hidden_frames = [], 0, 0, 0, 0
-    gaps = [gap for gap in gaps_of(frames) if gap[0] >= far and gap[-1] + far < len(frames)]
+    gaps = [gap for gap in gaps if gap[0] >= far and gap[-1] + far < len(frames)]
     for gap in gaps:
         hidden_frames += len(gap)
         before, after = (mean_error(frames, rows, beside) for beside in (range(gap[0] - far, gap[0] - near),

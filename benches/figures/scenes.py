@@ -65,7 +65,7 @@ class Scenes:
 
     def bare(self, scene, view):
         """A whole scene of the simulator with tools without tape, 720p."""
-        seconds = ["--seconds", 6] if self.bench.quick else []
+        seconds = ["--seconds", 8] if self.bench.quick else []
         how = ["--scene", scene, "--view", view, "--seed", 5, "--marker", "bare", *seconds]
         return self._own(f"own bare {scene} {view}", f"own {scene}, {view}", how)
 
