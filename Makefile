@@ -99,7 +99,8 @@ release: packages
 .PHONY: figures
 figures: release test-packages ## measure all figures of docs/accuracy.md; FIGURES="--quick --only rest" to try one part
 	@$(call install,python3-venv)
-	python3 benches/figures $(RELEASE) $(SHARED) $(TARGET)/figures $(or $(FIGURES),--document docs/accuracy.md)
+	python3 benches/figures $(RELEASE) $(SHARED) $(TARGET)/figures $(if $(MORE_WORLDS),--more-worlds $(MORE_WORLDS)) \
+	    $(or $(FIGURES),--document docs/accuracy.md)
 
 .PHONY: foreign-clients
 foreign-clients: release test-packages ## upload 500 MB with tus-js-client and tus-py-client, with cuts; measure the server's memory

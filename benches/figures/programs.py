@@ -10,8 +10,9 @@ from pathlib import Path
 
 ROUNDS = 3
 VISIBLE = 0.4
-LIMIT, JUDGED, WORLD_PICTURE, CAUSE_CLIPS, RIVAL_CLIP = (
-    Path(__file__).with_name(f"{name}.py") for name in ("limit", "judged", "world_picture", "cause_clips", "rival_clip"))
+LIMIT, JUDGED, BARE_JUDGED, WORLD_PICTURE, CAUSE_CLIPS, RIVAL_CLIP = (
+    Path(__file__).with_name(f"{name}.py")
+    for name in ("limit", "judged", "bare_judged", "world_picture", "cause_clips", "rival_clip"))
 PEER_NEEDS = ["opencv-python-headless<5", "numpy", "scipy", "numba"]
 
 
@@ -44,10 +45,10 @@ class Usage:
 
 
 class Bench:
-    """The programs under test and the folder for their results."""
+    """The programs under test and the folder for their results. `more_worlds`: a folder of further scenes, or None."""
 
-    def __init__(self, trocar, shared, work, quick):
-        self.trocar, self.shared, self.work, self.quick = trocar, shared, work, quick
+    def __init__(self, trocar, shared, work, quick, more_worlds=None):
+        self.trocar, self.shared, self.work, self.quick, self.more_worlds = trocar, shared, work, quick, more_worlds
         work.mkdir(parents=True, exist_ok=True)
         self._python = None
 
@@ -108,6 +109,17 @@ class Bench:
                 print(f"  {result['scene']}: {result['error']}", file=sys.stderr)
         return results
 
+    def worlds(self, kind):
+        """The scenes of SHARED/worlds with this kind of marker, and those in the folder of further scenes."""
+        places = [self.shared / "worlds" / "dev", *([self.more_worlds] if self.more_worlds else [])]
+        folders = [folder for place in places for folder in sorted(place.iterdir()) if (folder / "truth.json").exists()]
+        return [folder for folder in folders if marker_kind(folder) == kind]
+
+    def bare_judged(self, scenes, out):
+        """The same for tools without tape, tracked by each method (see `bare_judged.py`)."""
+        run([self.python, BARE_JUDGED, self.shared / "worlds", self.trocar, out, *scenes])
+        return json.loads((out / "bare.json").read_text())
+
     def repeatability(self, *tracks):
         return output(self.trocar, "evaluate", "--json", "--repeatability", *tracks)
 
@@ -116,6 +128,11 @@ def well_visible(tool):
     """A tool's figures for frames with at least VISIBLE of the band in view, together with its figures for all frames."""
     level = next(level for level in tool["levels"] if level["visible_from"] == VISIBLE)
     return {**level, **{key: tool[key] for key in ("tool", "false_tracks", "at_rest")}}
+
+
+def marker_kind(folder):
+    """What is on the tools of a scene in the layout of SHARED/worlds."""
+    return json.loads((folder / "truth.json").read_text())["tools"][0].get("marker_kind", "band")
 
 
 def run(command):

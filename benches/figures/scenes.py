@@ -63,6 +63,19 @@ class Scenes:
         seconds = ["--seconds", 4] if self.bench.quick and scene != "slide" else []
         return self._own(f"own {scene} {view}", f"own {scene}, {view}", ["--scene", scene, "--view", view, "--seed", 5, *seconds])
 
+    def bare(self, scene, view):
+        """A whole scene of the simulator with tools without tape, 720p."""
+        seconds = ["--seconds", 8] if self.bench.quick else []
+        how = ["--scene", scene, "--view", view, "--seed", 5, "--marker", "bare", *seconds]
+        return self._own(f"own bare {scene} {view}", f"own {scene}, {view}", how)
+
+    @cached_property
+    def bare_1080p(self):
+        """Two tools without tape at 1080p, moving beads."""
+        how = ["--scene", "pegs", "--view", "top", "--seed", 5, "--marker", "bare", "--size", "1920x1080",
+               "--seconds", 4 if self.bench.quick else 10]
+        return self._own("own bare pegs 1080p", "own pegs, 1080p, bare", how)
+
     def person(self, seed, level, task, view, box, fps=25):
         """A whole task of a simulated person, 720p."""
         seconds = ["--seconds", 6] if self.bench.quick else []

@@ -11,7 +11,7 @@ WORST = 3
 
 
 def measure(bench, scenes):
-    folders = [folder for folder in sorted((bench.shared / "worlds" / "dev").iterdir()) if is_band(folder)]
+    folders = bench.worlds("band")
     out = bench.folder("worlds")
     judged = bench.judged(folders[:4] if bench.quick else folders, out)
     worst = sorted(kept(judged), key=lambda scene: max(map(badness, scene["tools"])), reverse=True)[:WORST]
@@ -24,11 +24,6 @@ def measure(bench, scenes):
              "are inside the 99.9 % region.")
     tables = [about, table(HEAD, [row for scene in judged for row in rows(scene)]), worst_text(worst, pictures)]
     return Part(goals(judged), tables, [str(path) for path, _ in pictures])
-
-
-def is_band(folder):
-    truth = json.loads((folder / "truth.json").read_text())
-    return truth["tools"][0].get("marker_kind", "band") == "band"
 
 
 def goals(judged):

@@ -32,10 +32,6 @@ pub struct Frame {
 pub struct Folder(TempDir);
 
 impl Folder {
-    fn simulated(seconds: u32, size: &str) -> Self {
-        Self::of(&format!("--seed 5 --seconds {seconds} --size {size}"))
-    }
-
     /// Pegs, simulated with these options.
     pub fn of(options: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
@@ -52,7 +48,7 @@ impl Folder {
 impl Scene {
     /// A scene of this length; `None`, with a message, without the programs that split a recording.
     pub fn new(seconds: u32) -> Option<Self> {
-        Self::in_folder(Folder::simulated(seconds, "640x360"))
+        Self::in_folder(Folder::of(&format!("--seed 5 --seconds {seconds} --size 640x360")))
     }
 
     /// The scene in this folder.
@@ -72,21 +68,23 @@ impl Scene {
 pub struct Clip {
     pub scene: Folder,
     pub file: PathBuf,
+    pub is_bare: bool,
     pub is_jpeg: bool,
     pub frames: Vec<Frame>,
 }
 
 impl Clip {
-    /// Encodes a scene with these options of `ffmpeg`, into a folder.
-    pub fn new(folder: &Path, coding: &str) -> Option<Self> {
-        let scene = Folder::simulated(8, "1920x1080");
+    /// Encodes a scene with tape or with bare tools with these options of `ffmpeg`, into a folder.
+    pub fn new(folder: &Path, is_bare: bool, coding: &str) -> Option<Self> {
+        let marker = if is_bare { "bare" } else { "band" };
+        let scene = Folder::of(&format!("--seed 5 --seconds 8 --size 1920x1080 --marker {marker}"));
         let is_jpeg = coding.contains("mjpeg");
         let file = folder.join(if is_jpeg { "clip.avi" } else { "clip.mp4" });
         let mut code = Command::new("ffmpeg");
         code.args(["-v", "error", "-y", "-i"]).arg(scene.file("clip.mp4")).args(coding.split(' ')).arg(&file);
         run(&mut code)?;
         let frames = if is_jpeg { frames_of_jpeg(&file, folder)? } else { frames_of_h264(&file)?.0 };
-        Some(Self { scene, file, is_jpeg, frames })
+        Some(Self { scene, file, is_bare, is_jpeg, frames })
     }
 
     /// Millions of bits a second at this frame rate.
