@@ -12,6 +12,9 @@ const SPREAD_SHARE: f64 = 0.2;
 /// How far it reaches beyond the marked codes, towards black and towards white, codes: gloss adds up to a quarter of
 /// the range.
 const SPREAD_CODES: (f64, f64) = (40.0, 60.0);
+/// Share of the luma that is in shade: a tube mirrors what is around it, so its unlit parts are darker than the marked
+/// ones by any factor, down to black.
+const SHADE_SHARE: f64 = 0.3;
 /// Blur of the luma's histogram: standard deviation, codes.
 const LUMA_BLUR: f64 = 12.0;
 /// Standard deviation that is added to the chroma's: that of a cell's mean by chroma subsampling and quantisation, codes.
@@ -26,6 +29,8 @@ const LEAST_DENSITY: f64 = 1e-6;
 pub struct ShaftColour {
     luma: [f32; 256],
     chroma: [f32; 2],
+    /// Luma below which the chroma shrinks in proportion, as it does in shade.
+    shade_luma: f32,
     /// Of each chroma channel, divided by the degrees of freedom.
     scale: [f32; 2],
     normaliser: f32,
@@ -52,7 +57,16 @@ impl ShaftColour {
         let spread = |code: usize| {
             if (bottom..=top).contains(&(code as f64)) { 1.0 / (top + 1.0 - bottom) } else { 0.0 }
         };
-        let density = |code: usize| (1.0 - SPREAD_SHARE) * blurred[code] + SPREAD_SHARE * spread(code) + LEAST_DENSITY;
+        let mut shade = [0.0; 256];
+        for (code, share) in histogram.iter().enumerate().filter(|(_, share)| **share > 0.0) {
+            shade[..=code].iter_mut().for_each(|density| *density += share / (code + 1) as f64);
+        }
+        let density = |code: usize| {
+            (1.0 - SPREAD_SHARE - SHADE_SHARE) * blurred[code]
+                + SPREAD_SHARE * spread(code)
+                + SHADE_SHARE * shade[code]
+                + LEAST_DENSITY
+        };
         let mut chroma = [0.0; 2];
         let mut variance = [0.0; 2];
         for part in 0..2 {
@@ -66,6 +80,7 @@ impl ShaftColour {
         Some(Self {
             luma: std::array::from_fn(|code| density(code).ln() as f32),
             chroma: chroma.map(|code| code as f32),
+            shade_luma: at(&luma, 0.05) as f32,
             scale: variance.map(|variance| (1.0 / (variance * FREEDOM)) as f32),
             normaliser: normaliser as f32,
         })
@@ -79,7 +94,10 @@ impl ShaftColour {
     /// Log density of these codes on the shaft.
     pub fn log_density(&self, codes: [f32; 3]) -> f32 {
         const POWER: f32 = (0.5 * (FREEDOM + 2.0)) as f32;
-        let distance: f32 = (0..2).map(|part| (codes[part + 1] - self.chroma[part]).powi(2) * self.scale[part]).sum();
+        const GREY: f32 = 128.0;
+        let light = (codes[0] / self.shade_luma.max(1.0)).min(1.0);
+        let usual = |part: usize| GREY + light * (self.chroma[part] - GREY);
+        let distance: f32 = (0..2).map(|part| (codes[part + 1] - usual(part)).powi(2) * self.scale[part]).sum();
         self.luma[codes[0].clamp(0.0, 255.0) as usize] + self.normaliser - POWER * distance.ln_1p()
     }
 }

@@ -1,0 +1,163 @@
+//! Bare shafts in a still: their borders and their ends in pixels, without a camera (METHOD 3.6).
+//!
+//! A still has neither a past nor, usually, a camera. So nothing is in millimetres, and no trocar is known. Strips are
+//! found as in a recording, with any camera, because their width is free over a range of eight. Their borders are any
+//! two straight lines that come from the picture's rim: without a focal length, a tube of any lean fits them.
+//!
+//! | step | input | output |
+//! |---|---|---|
+//! | [`StripFinder`] | cells of the stills | strips of shaft evidence |
+//! | [`lines`] | frame, strip | both borders as lines through the steps of the pixels |
+//! | [`end`] | frame, lines | where the shaft ends between them |
+
+mod end;
+mod lines;
+
+use nalgebra::{Point2, center};
+
+use crate::vision::camera::Camera;
+use crate::vision::edges::edge_model::{EdgeModel, Likeness};
+use crate::vision::frame::Frame;
+use crate::vision::reason::MissReason;
+use crate::vision::segmentation::cells::CellPicture;
+use crate::vision::segmentation::samples::ColourSamples;
+use crate::vision::segmentation::shaft_colour::ShaftColour;
+use crate::vision::space::{Normalised, Pixel};
+use crate::vision::strip::Strip;
+use crate::vision::strip::finder::{BareTool, FrameStrips, SearchTurn, StripFinder};
+use lines::ShaftLines;
+
+/// A bare tool to be found in stills.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StillTool {
+    /// The label of its shaft's samples.
+    pub colour: String,
+    /// Side and diameter. The diameter is only the unit of the collar's length.
+    pub tool: BareTool,
+    /// Length of its collar, mm; 0 without one.
+    pub collar_mm: f64,
+}
+
+/// A shaft in a still.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StillShaft {
+    /// Both borders, each from the picture's rim to the shaft's end; the first lies left of the second for an eye that
+    /// looks from the rim along the shaft.
+    pub borders: [[Pixel; 2]; 2],
+    /// The middle between the ends of both borders.
+    pub end: Pixel,
+    /// Share of the borders that shows a step, 0 to 1: of the border that shows less.
+    pub shown: f64,
+    /// Evidence of its strip, nats.
+    score: f64,
+}
+
+impl StillShaft {
+    /// Width at its end, pixels.
+    pub fn width_px(&self) -> f64 {
+        (self.borders[0][1].0 - self.borders[1][1].0).norm()
+    }
+
+    /// Is it the same shaft?
+    fn is_same_as(&self, other: &Self) -> bool {
+        let middles = |shaft: &Self| [0, 1].map(|end| center(&shaft.borders[0][end].0, &shaft.borders[1][end].0));
+        let [one, two] = [middles(self), middles(other)];
+        (0..2).all(|end| (one[end] - two[end]).norm() < self.width_px().max(other.width_px()))
+    }
+}
+
+/// Finds bare shafts in stills of one box.
+pub struct StillFinder {
+    finder: StripFinder,
+    camera: Camera,
+    tools: Vec<StillTool>,
+    edges: Vec<EdgeModel>,
+    grey: [f64; 2],
+}
+
+impl StillFinder {
+    /// Learns the box from stills of one size and encoding, and from the picture of the empty box if there is one.
+    /// `None` without tools, marked shafts or stills.
+    pub fn learn(
+        samples: &ColourSamples,
+        tools: &[StillTool],
+        stills: &[CellPicture],
+        size: [usize; 2],
+        empty: Option<&CellPicture>,
+    ) -> Option<Self> {
+        let encoding = samples.encoding;
+        let is_bare = |label: &&String| tools.iter().any(|tool| tool.colour == **label);
+        let labels = samples.labels.iter().filter(is_bare);
+        let pixels: Vec<[u8; 3]> = labels.flat_map(|label| samples.codes_of_label(label, encoding)).collect();
+        let shaft = ShaftColour::new(&pixels)?;
+        let grey = shaft.chroma().map(f64::from);
+        let camera = any_camera(size);
+        let bare: Vec<BareTool> = tools.iter().map(|tool| tool.tool).collect();
+        let finder = StripFinder::learn(&camera, shaft, &bare, stills, empty).filter(|_| !bare.is_empty())?;
+        let edges = tools.iter().map(|tool| {
+            EdgeModel::new(samples.usual_colour(&tool.colour, encoding), Likeness::AllPlanes, encoding)
+        });
+        Some(Self { finder, camera, edges: edges.collect(), tools: tools.to_vec(), grey })
+    }
+
+    /// The shaft of each tool in a still of the encoding of the samples, or why it has none.
+    pub fn shafts(&self, frame: &Frame<'_>) -> Vec<Result<StillShaft, MissReason>> {
+        let strips = FrameStrips::new(&self.finder, frame, SearchTurn::All);
+        let mut found: Vec<_> = (0..self.tools.len()).map(|tool| self.shaft(frame, &strips, tool)).collect();
+        for tool in 0..found.len() {
+            let Ok(own) = found[tool] else { continue };
+            let is_others = |other: &Result<StillShaft, MissReason>| {
+                other.as_ref().is_ok_and(|other| other.score > own.score && own.is_same_as(other))
+            };
+            if found.iter().any(is_others) {
+                found[tool] = Err(MissReason::OtherToolsBand);
+            }
+        }
+        found
+    }
+
+    fn shaft(&self, frame: &Frame<'_>, strips: &FrameStrips<'_>, tool: usize) -> Result<StillShaft, MissReason> {
+        let mut reason = MissReason::NoMarkerColour;
+        for strip in strips.of_tool(tool) {
+            match self.measure(frame, &strip, tool) {
+                Ok(shaft) => return Ok(shaft),
+                Err(other) => reason = reason.max(other),
+            }
+        }
+        Err(reason)
+    }
+
+    fn measure(&self, frame: &Frame<'_>, strip: &Strip, tool: usize) -> Result<StillShaft, MissReason> {
+        let pixel = |at: Point2<f64>| self.camera.pixel_of(Normalised(at)).0;
+        let rough = ShaftLines::new(strip.borders.map(|border| border.map(pixel))).ok_or(MissReason::WrongShape)?;
+        let lines = lines::fit(frame, &rough, self.grey).ok_or(MissReason::BordersNotFound)?;
+        let StillTool { tool: BareTool { diameter_mm, .. }, collar_mm, .. } = self.tools[tool];
+        let end = end::locate(frame, &lines, &self.edges[tool], diameter_mm, collar_mm).ok_or(MissReason::TipHidden)?;
+        let (fitted, shown) = lines::fit_up_to(frame, &lines, end, self.grey).ok_or(MissReason::BordersNotFound)?;
+        let size = [frame.width(), frame.height()].map(|size| size as f64);
+        let borders = fitted.borders_in_picture(size).ok_or(MissReason::BordersNotFound)?;
+        let end = Pixel(center(&borders[0][1].0, &borders[1][1].0));
+        Ok(StillShaft { borders, end, shown, score: strip.score })
+    }
+}
+
+/// A camera for pictures of this size, with a usual field of view and no distortion.
+fn any_camera([width, height]: [usize; 2]) -> Camera {
+    /// Focal length as a multiple of the picture's width: 60°.
+    const FOCAL: f64 = 0.87;
+    let [fx, cx, cy] = [FOCAL * width as f64, 0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0)];
+    Camera {
+        width: width as u32,
+        height: height as u32,
+        fx,
+        fy: fx,
+        cx,
+        cy,
+        k1: 0.0,
+        k2: 0.0,
+        p1: 0.0,
+        p2: 0.0,
+        k3: 0.0,
+        focal_sigma: 0.0,
+    }
+}
