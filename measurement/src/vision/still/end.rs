@@ -1,15 +1,18 @@
-//! The end of a shaft between its borders in a still: where its colour ends, or its full width.
+//! The end of a shaft between its borders in a still: where its look changes all across it, or where its full width ends.
 //!
-//! The rows across the shaft and the rules are those of a recording. Without a camera, lengths along the shaft are in
-//! widths of the picture: a lean makes them seem shorter than they are.
-
-use crate::vision::edges::edge_model::EdgeModel;
-use crate::vision::edges::shaft_rows::{self, ShaftRow};
-use crate::vision::edges::{shaft_colour_end, shaft_end};
-use crate::vision::frame::Frame;
-use crate::vision::space::Pixel;
+//! **In** the frame, the borders as lines. **Out** the place along the lines. **Method** Rows across the shaft, as in a
+//! recording. In a still the borders are known along the whole shaft, so a weaker step of the colour than there shows the
+//! end: jaws of steel mirror dark things, too. Five lanes along the shaft are compared, two inside the borders and three
+//! between them. Where the shaft's look ends on most of them, and neither it nor the borders continue ahead, the shaft
+//! ends. Jaws in the shaft's own colour have no such step: there the full width ends. Without a camera, lengths along the
+//! shaft are in widths of the picture, and a lean makes them seem shorter than they are.
 
 use super::lines::ShaftLines;
+use crate::vision::edges::edge_model::EdgeModel;
+use crate::vision::edges::shaft_end;
+use crate::vision::edges::shaft_rows::{self, Codes, ShaftRow, distance, mean_codes};
+use crate::vision::frame::Frame;
+use crate::vision::space::Pixel;
 
 /// Rows across the width at the rough end: their distance is a twentieth of it, and from one pixel to two and a half.
 const ROWS_PER_WIDTH: f64 = 20.0;
@@ -17,10 +20,30 @@ const ROWS_PX: (f64, f64) = (1.0, 2.5);
 /// The rows reach from this far behind the rough end to that far ahead, diameters: things of the shaft's colour may
 /// lie between the end and that of the strip.
 const REACH_DIAMETERS: (f64, f64) = (20.0, 7.0);
-/// Largest distance between the ends of the colour and of the full width, diameters.
-const MAX_APART_DIAMETERS: f64 = 0.4;
 /// Least width that is read, as a share of that at the rough end: ahead, the lines meet.
 const LEAST_WIDTH: f64 = 0.3;
+
+/// Lanes along the shaft: inside each border, and three between.
+const LANES: usize = 5;
+/// Length of the pieces behind and ahead of a step that are compared, diameters.
+const PIECE_DIAMETERS: f64 = 0.5;
+/// Least step, codes: the least contrast of a border.
+const MIN_STEP_CODES: f64 = 12.0;
+/// Least step, as a multiple of the usual one along the shaft: what light and highlights make.
+const MIN_STEP_RATIO: f64 = 3.0;
+/// Where the shaft must look as it does next to its end, diameters behind it, and the largest difference, as a share
+/// of the step.
+const ALIKE_DIAMETERS: [f64; 2] = [2.0, 5.0];
+const MAX_UNLIKE_SHARE: f64 = 0.5;
+/// Length ahead of the end where the shaft's look may show again, diameters: jaws have it in places.
+const MAX_RESUMED_DIAMETERS: f64 = 2.0;
+/// Where the borders must not continue, diameters ahead: a collar is shorter. And the largest share that may have them.
+const AHEAD_DIAMETERS: [f64; 2] = [2.5, 5.0];
+const MAX_AHEAD_SHARE: f64 = 0.5;
+/// Least distance of the colours on both sides of a border, codes.
+const MIN_BORDER_CODES: f64 = 12.0;
+/// Largest distance between the ends of the colour and of the full width, diameters.
+const MAX_APART_DIAMETERS: f64 = 0.4;
 
 /// The place along the lines where the shaft ends; `None` if that is not clear.
 pub fn locate(
@@ -30,14 +53,17 @@ pub fn locate(
     diameter_mm: f64,
     collar_mm: f64,
 ) -> Option<f64> {
-    let (places, rows) = rows_across(frame, lines, diameter_mm)?;
+    let (places, rows) = rows_across(frame, lines, diameter_mm);
+    let shaft = LookEnds::new(&rows, diameter_mm)?;
+    let look = shaft.locate();
     let full_width = shaft_end::locate(edges, &rows, diameter_mm, collar_mm).map(|end| end.back_mm);
-    let colour = shaft_colour_end::locate(&rows, diameter_mm);
-    let apart = |one: f64, other: f64| (one - other).abs() / diameter_mm;
-    let is_agreed =
-        |colour: &f64| full_width.map_or(collar_mm == 0.0, |end| apart(end, *colour) < MAX_APART_DIAMETERS);
-    let reaches = |end: &f64| collar_mm > 0.0 || shaft_colour_end::reaches(&rows, diameter_mm, *end);
-    let back_mm = colour.filter(is_agreed).or_else(|| full_width.filter(reaches))?;
+    // A collar looks like another thing than the shaft, or like a part of it.
+    let is_near = |one: f64, other: f64| (one - other).abs() < MAX_APART_DIAMETERS * diameter_mm;
+    let back_mm = match (look, full_width) {
+        (Some(look), Some(end)) if collar_mm > 0.0 && !is_near(look, end) => return None,
+        (Some(look), _) => look,
+        (None, end) => end?,
+    };
     place_of(back_mm, &places, &rows)
 }
 
@@ -49,8 +75,8 @@ fn place_of(back_mm: f64, places: &[f64], rows: &[ShaftRow]) -> Option<f64> {
     Some(places[before] + share * (places[next] - places[before]))
 }
 
-/// The rows across a shaft, the farthest behind first, and their places along the lines.
-fn rows_across(frame: &Frame<'_>, lines: &ShaftLines, diameter_mm: f64) -> Option<(Vec<f64>, Vec<ShaftRow>)> {
+/// The places along the lines, and the rows across the shaft there, the farthest behind first.
+fn rows_across(frame: &Frame<'_>, lines: &ShaftLines, diameter_mm: f64) -> (Vec<f64>, Vec<ShaftRow>) {
     let width = lines.width(lines.length);
     let step_px = (width / ROWS_PER_WIDTH).clamp(ROWS_PX.0, ROWS_PX.1);
     let step_mm = step_px * diameter_mm / width;
@@ -65,7 +91,7 @@ fn rows_across(frame: &Frame<'_>, lines: &ShaftLines, diameter_mm: f64) -> Optio
     let places: Vec<f64> = behind.into_iter().rev().chain([lines.length]).chain(ahead).collect();
     let row = |(i, place): (usize, &f64)| row_at(frame, lines, *place, (first - i as f64) * step_mm);
     let rows = places.iter().enumerate().map(row).collect();
-    Some((places, rows))
+    (places, rows)
 }
 
 fn row_at(frame: &Frame<'_>, lines: &ShaftLines, place: f64, back_mm: f64) -> ShaftRow {
@@ -73,4 +99,127 @@ fn row_at(frame: &Frame<'_>, lines: &ShaftLines, place: f64, back_mm: f64) -> Sh
     let (middle, half) = (0.5 * (one + other), 0.5 * (other - one));
     let codes = |across: f64| shaft_rows::codes_at(frame, Pixel(lines.at(place, middle + across)));
     shaft_rows::row_of(back_mm, |radii| codes(radii * half), |sign, px| codes(sign * (half + px)))
+}
+
+/// The codes of a row on a lane.
+fn lane_of(row: &ShaftRow, lane: usize) -> Option<Codes> {
+    match lane {
+        0 | 1 => row.borders[lane].map(|[inside, _]| inside),
+        _ => row.inside[lane - 2],
+    }
+}
+
+/// The mean codes of some rows on each lane, where most of them show it.
+type Look = [Option<Codes>; LANES];
+
+fn look_of(rows: &[ShaftRow]) -> Look {
+    std::array::from_fn(|lane| {
+        let seen = || rows.iter().filter_map(|row| lane_of(row, lane));
+        mean_codes(seen()).filter(|_| 2 * seen().count() >= rows.len())
+    })
+}
+
+/// Distances of the lanes' colours, codes, the least first.
+fn lane_distances(one: &Look, other: &Look) -> Vec<f64> {
+    let both = one.iter().zip(other).filter_map(|(one, other)| Some(distance((*one)?, (*other)?)));
+    let mut distances: Vec<f64> = both.collect();
+    distances.sort_by(f64::total_cmp);
+    distances
+}
+
+/// The median distance of the lanes' colours, codes; `None` if two are hidden.
+fn median_distance(one: &Look, other: &Look) -> Option<f64> {
+    let distances = lane_distances(one, other);
+    (distances.len() + 1 >= LANES).then(|| distances[(distances.len() - 1) / 2])
+}
+
+/// Where the shaft's look ends.
+struct LookEnds<'a> {
+    rows: &'a [ShaftRow],
+    step_mm: f64,
+    diameter_mm: f64,
+    /// Step of the look at each row, codes; 0 where it is hidden.
+    steps: Vec<f64>,
+    /// The usual step along the shaft, codes.
+    usual_codes: f64,
+}
+
+impl<'a> LookEnds<'a> {
+    fn new(rows: &'a [ShaftRow], diameter_mm: f64) -> Option<Self> {
+        let step_mm = rows.first()?.back_mm - rows.get(1)?.back_mm;
+        let mut ends = Self { rows, step_mm, diameter_mm, steps: Vec::new(), usual_codes: 0.0 };
+        ends.steps = (0..rows.len()).map(|row| ends.step_at(row).unwrap_or(0.0)).collect();
+        let mut behind: Vec<f64> = (0..rows.len())
+            .filter(|row| rows[*row].back_mm > 0.0)
+            .map(|row| ends.steps[row])
+            .filter(|step| *step > 0.0)
+            .collect();
+        behind.sort_by(f64::total_cmp);
+        ends.usual_codes = *behind.get(behind.len() / 2)?;
+        Some(ends)
+    }
+
+    /// Number of rows of a length.
+    fn count(&self, diameters: f64) -> usize {
+        ((diameters * self.diameter_mm / self.step_mm) as usize).max(3)
+    }
+
+    fn step_at(&self, row: usize) -> Option<f64> {
+        let piece = self.count(PIECE_DIAMETERS);
+        let behind = look_of(self.rows.get(row.checked_sub(piece)?..row)?);
+        let ahead = look_of(self.rows.get(row + 1..row + 1 + piece)?);
+        median_distance(&behind, &ahead)
+    }
+
+    /// The distance behind the rough end where the look ends, mm.
+    fn locate(&self) -> Option<f64> {
+        let least = MIN_STEP_CODES.max(MIN_STEP_RATIO * self.usual_codes);
+        let near = self.count(PIECE_DIAMETERS);
+        let is_greatest = |row: usize| {
+            let around = row.saturating_sub(near)..(row + near + 1).min(self.steps.len());
+            around.into_iter().all(|other| self.steps[other] <= self.steps[row])
+        };
+        let mut ends = (0..self.steps.len())
+            .filter(|row| self.steps[*row] > least && is_greatest(*row))
+            .filter(|row| self.is_shaft_behind(*row).unwrap_or(false) && !self.continues(*row));
+        ends.next().map(|row| self.rows[row].back_mm)
+    }
+
+    /// Does the shaft look the same far behind a row?
+    fn is_shaft_behind(&self, row: usize) -> Option<bool> {
+        let next = look_of(&self.rows[row - self.count(PIECE_DIAMETERS)..row]);
+        let [from, to] = ALIKE_DIAMETERS.map(|diameters| row.saturating_sub(self.count(diameters)));
+        let far = look_of(self.rows.get(to..from)?);
+        Some(median_distance(&next, &far)? < MAX_UNLIKE_SHARE * self.steps[row])
+    }
+
+    /// Do the shaft's look or its borders continue ahead of a row?
+    fn continues(&self, row: usize) -> bool {
+        let look = look_of(&self.rows[row - self.count(PIECE_DIAMETERS)..row]);
+        let ahead = &self.rows[row + 1..];
+        let is_alike = |row: &&ShaftRow| {
+            let own = look_of(std::slice::from_ref(*row));
+            median_distance(&own, &look).is_some_and(|codes| codes < MAX_UNLIKE_SHARE * self.steps_of_end(&look, ahead))
+        };
+        let alike = ahead.iter().filter(is_alike).count();
+        let [from, to] = AHEAD_DIAMETERS.map(|diameters| self.count(diameters).min(ahead.len()));
+        let with_borders = ahead[from..to].iter().filter(|row| has_borders(row, &look)).count();
+        alike > self.count(MAX_RESUMED_DIAMETERS)
+            || with_borders as f64 > MAX_AHEAD_SHARE * (to - from).max(1) as f64
+    }
+
+    /// The step from a look to that of the next piece, codes.
+    fn steps_of_end(&self, look: &Look, ahead: &[ShaftRow]) -> f64 {
+        let piece = self.count(PIECE_DIAMETERS).min(ahead.len());
+        median_distance(look, &look_of(&ahead[..piece])).unwrap_or(0.0)
+    }
+}
+
+/// Has a row both borders, of the shaft's look?
+fn has_borders(row: &ShaftRow, look: &Look) -> bool {
+    (0..2).all(|side| {
+        row.borders[side].zip(look[side]).is_some_and(|([inside, outside], shaft)| {
+            distance(inside, outside) > MIN_BORDER_CODES && distance(inside, shaft) < distance(outside, shaft)
+        })
+    })
 }
