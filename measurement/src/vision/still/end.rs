@@ -4,8 +4,9 @@
 //! recording. In a still the borders are known along the whole shaft, so a weaker step of the colour than there shows the
 //! end: jaws of steel mirror dark things, too. Five lanes along the shaft are compared, two inside the borders and three
 //! between them. Where the shaft's look ends on most of them, and neither it nor the borders continue ahead, the shaft
-//! ends. Jaws in the shaft's own colour have no such step: there the full width ends. Without a camera, lengths along the
-//! shaft are in widths of the picture, and a lean makes them seem shorter than they are.
+//! ends. Its rim is half an ellipse: the borders' lanes end less far ahead, or behind, than the middle one. Jaws in the
+//! shaft's own colour have no such step: there the full width ends. Without a camera, lengths along the shaft are in
+//! widths of the picture, and a lean makes them seem shorter than they are.
 
 use super::lines::ShaftLines;
 use crate::vision::edges::edge_model::EdgeModel;
@@ -45,26 +46,36 @@ const MIN_BORDER_CODES: f64 = 12.0;
 /// Largest distance between the ends of the colour and of the full width, diameters.
 const MAX_APART_DIAMETERS: f64 = 0.4;
 
-/// The place along the lines where the shaft ends; `None` if that is not clear.
+/// Where a shaft ends, as places along its lines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StillEnd {
+    /// Where its borders end.
+    pub borders: f64,
+    /// Where its middle ends: the near half of the rim is curved.
+    pub middle: f64,
+}
+
+/// Where the shaft ends; `None` if that is not clear.
 pub fn locate(
     frame: &Frame<'_>,
     lines: &ShaftLines,
     edges: &EdgeModel,
     diameter_mm: f64,
     collar_mm: f64,
-) -> Option<f64> {
+) -> Option<StillEnd> {
     let (places, rows) = rows_across(frame, lines, diameter_mm);
     let shaft = LookEnds::new(&rows, diameter_mm)?;
     let look = shaft.locate();
     let full_width = shaft_end::locate(edges, &rows, diameter_mm, collar_mm).map(|end| end.back_mm);
     // A collar looks like another thing than the shaft, or like a part of it.
     let is_near = |one: f64, other: f64| (one - other).abs() < MAX_APART_DIAMETERS * diameter_mm;
-    let back_mm = match (look, full_width) {
-        (Some(look), Some(end)) if collar_mm > 0.0 && !is_near(look, end) => return None,
+    let [borders_mm, middle_mm] = match (look, full_width) {
+        (Some([borders_mm, _]), Some(end)) if collar_mm > 0.0 && !is_near(borders_mm, end) => return None,
         (Some(look), _) => look,
-        (None, end) => end?,
+        (None, end) => [end?; 2],
     };
-    place_of(back_mm, &places, &rows)
+    let place = |back_mm| place_of(back_mm, &places, &rows);
+    Some(StillEnd { borders: place(borders_mm)?, middle: place(middle_mm)? })
 }
 
 /// The place along the lines of a distance behind the rough end.
@@ -171,8 +182,8 @@ impl<'a> LookEnds<'a> {
         median_distance(&behind, &ahead)
     }
 
-    /// The distance behind the rough end where the look ends, mm.
-    fn locate(&self) -> Option<f64> {
+    /// Where the look ends, mm behind the rough end: of the borders, and of the middle.
+    fn locate(&self) -> Option<[f64; 2]> {
         let least = MIN_STEP_CODES.max(MIN_STEP_RATIO * self.usual_codes);
         let near = self.count(PIECE_DIAMETERS);
         let is_greatest = |row: usize| {
@@ -182,7 +193,56 @@ impl<'a> LookEnds<'a> {
         let mut ends = (0..self.steps.len())
             .filter(|row| self.steps[*row] > least && is_greatest(*row))
             .filter(|row| self.is_shaft_behind(*row).unwrap_or(false) && !self.continues(*row));
-        ends.next().map(|row| self.rows[row].back_mm)
+        let row = ends.next()?;
+        Some(self.rim_at(row).unwrap_or([self.rows[row].back_mm; 2]))
+    }
+
+    /// Where the rim near a row meets the borders and the middle, mm behind the rough end, by least squares over the
+    /// lanes. `None` if too few of them show it.
+    fn rim_at(&self, row: usize) -> Option<[f64; 2]> {
+        /// How far ahead a lane ends, as a share of the middle's distance ahead of the borders.
+        const BULGES: [f64; LANES] = [0.51, 0.51, 0.86, 1.0, 0.86];
+        /// Largest distance of a lane's end from the ellipse, diameters.
+        const MAX_OFF: f64 = 0.15;
+        let mut ends: Vec<[f64; 2]> =
+            (0..LANES).filter_map(|lane| Some([BULGES[lane], self.crossing(lane, row)?])).collect();
+        loop {
+            let [borders, bulge] = line_of(&ends).filter(|_| ends.len() >= 4)?;
+            let off = |[at, back]: &[f64; 2]| (back - borders - bulge * at).abs();
+            let (worst, by) = ends.iter().map(off).enumerate().max_by(|one, other| one.1.total_cmp(&other.1))?;
+            if by < MAX_OFF * self.diameter_mm {
+                // A rim is no longer than half as wide as the tube.
+                let is_rim = bulge.abs() < 0.55 * self.diameter_mm;
+                return is_rim.then_some([borders, borders + bulge]);
+            }
+            ends.remove(worst);
+        }
+    }
+
+    /// Where a lane's colour is halfway between those behind and ahead of a row, mm behind the rough end.
+    fn crossing(&self, lane: usize, row: usize) -> Option<f64> {
+        /// The pieces whose colours are compared, from and to this far from the row, diameters: beyond the rim's bulge.
+        const PIECE: [f64; 2] = [0.35, 0.75];
+        let [near, far] = PIECE.map(|diameters| self.count(diameters));
+        let mean = |rows: &[ShaftRow]| mean_codes(rows.iter().filter_map(|row| lane_of(row, lane)));
+        let behind = mean(self.rows.get(row.checked_sub(far)?..row - near)?)?;
+        let ahead = mean(self.rows.get(row + near..row + far)?)?;
+        let rise: Codes = std::array::from_fn(|part| ahead[part] - behind[part]);
+        let all: f64 = rise.iter().map(|rise| rise * rise).sum();
+        if all.sqrt() < MIN_STEP_CODES {
+            return None;
+        }
+        let share = |row: usize| {
+            let codes = mean(&self.rows[row - 1..row + 2])?;
+            Some((0..3).map(|part| (codes[part] - behind[part]) * rise[part]).sum::<f64>() / all)
+        };
+        let crossings = (row - far..row + far).filter_map(|row| {
+            let (before, after) = (share(row)?, share(row + 1)?);
+            let is_crossed = before <= 0.5 && after > 0.5;
+            is_crossed.then(|| self.rows[row].back_mm - (0.5 - before) / (after - before) * self.step_mm)
+        });
+        let off = |back_mm: &f64| (back_mm - self.rows[row].back_mm).abs();
+        crossings.min_by(|one, other| off(one).total_cmp(&off(other)))
     }
 
     /// Does the shaft look the same far behind a row?
@@ -213,6 +273,15 @@ impl<'a> LookEnds<'a> {
         let piece = self.count(PIECE_DIAMETERS).min(ahead.len());
         median_distance(look, &look_of(&ahead[..piece])).unwrap_or(0.0)
     }
+}
+
+/// The line `y = a + b x` through points `[x, y]`, by least squares; `None` if they have one `x`.
+fn line_of(points: &[[f64; 2]]) -> Option<[f64; 2]> {
+    let count = points.len() as f64;
+    let [x, y] = [0, 1].map(|part| points.iter().map(|point| point[part]).sum::<f64>() / count);
+    let spread: f64 = points.iter().map(|point| (point[0] - x).powi(2)).sum();
+    let slope = points.iter().map(|point| (point[0] - x) * (point[1] - y)).sum::<f64>() / spread;
+    (spread > 1e-6).then(|| [y - slope * x, slope])
 }
 
 /// Has a row both borders, of the shaft's look?

@@ -64,6 +64,11 @@ impl ShaftLines {
         is_tube.then_some(lines)
     }
 
+    /// Unit vector from the rim to the end.
+    pub fn along(&self) -> Vector2<f64> {
+        self.along
+    }
+
     fn across(&self) -> Vector2<f64> {
         Vector2::new(-self.along.y, self.along.x)
     }

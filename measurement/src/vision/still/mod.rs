@@ -44,7 +44,7 @@ pub struct StillShaft {
     /// Both borders, each from the picture's rim to the shaft's end; the first lies left of the second for an eye that
     /// looks from the rim along the shaft.
     pub borders: [[Pixel; 2]; 2],
-    /// The middle between the ends of both borders.
+    /// Where the middle line meets the rim of the end, on the side of the camera.
     pub end: Pixel,
     /// Share of the borders that shows a step, 0 to 1: of the border that shows less.
     pub shown: f64,
@@ -133,10 +133,12 @@ impl StillFinder {
         let lines = lines::fit(frame, &rough, self.grey).ok_or(MissReason::BordersNotFound)?;
         let StillTool { tool: BareTool { diameter_mm, .. }, collar_mm, .. } = self.tools[tool];
         let end = end::locate(frame, &lines, &self.edges[tool], diameter_mm, collar_mm).ok_or(MissReason::TipHidden)?;
-        let (fitted, shown) = lines::fit_up_to(frame, &lines, end, self.grey).ok_or(MissReason::BordersNotFound)?;
+        let (fitted, shown) =
+            lines::fit_up_to(frame, &lines, end.borders, self.grey).ok_or(MissReason::BordersNotFound)?;
         let size = [frame.width(), frame.height()].map(|size| size as f64);
         let borders = fitted.borders_in_picture(size).ok_or(MissReason::BordersNotFound)?;
-        let end = Pixel(center(&borders[0][1].0, &borders[1][1].0));
+        let ahead = fitted.along() * (end.middle - end.borders);
+        let end = Pixel(center(&borders[0][1].0, &borders[1][1].0) + ahead);
         Ok(StillShaft { borders, end, shown, score: strip.score })
     }
 }
