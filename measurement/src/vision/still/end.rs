@@ -43,8 +43,8 @@ const AHEAD_DIAMETERS: [f64; 2] = [2.5, 5.0];
 const MAX_AHEAD_SHARE: f64 = 0.5;
 /// Least distance of the colours on both sides of a border, codes.
 const MIN_BORDER_CODES: f64 = 12.0;
-/// Largest distance between the ends of the colour and of the full width, diameters.
-const MAX_APART_DIAMETERS: f64 = 0.4;
+/// Largest distance between the ends of the look, in the middle, and of the full width, diameters: a rim's bulge.
+const MAX_APART_DIAMETERS: f64 = 0.6;
 
 /// Where a shaft ends, as places along its lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,10 +67,11 @@ pub fn locate(
     let shaft = LookEnds::new(&rows, diameter_mm)?;
     let look = shaft.locate();
     let full_width = shaft_end::locate(edges, &rows, diameter_mm, collar_mm).map(|end| end.back_mm);
-    // A collar looks like another thing than the shaft, or like a part of it.
+    // A collar may look like the shaft, so that the look ends with it.
     let is_near = |one: f64, other: f64| (one - other).abs() < MAX_APART_DIAMETERS * diameter_mm;
     let [borders_mm, middle_mm] = match (look, full_width) {
-        (Some([borders_mm, _]), Some(end)) if collar_mm > 0.0 && !is_near(borders_mm, end) => return None,
+        (Some([_, middle_mm]), Some(end)) if !is_near(middle_mm, end) => return None,
+        (Some(_), None) if collar_mm > 0.0 => return None,
         (Some(look), _) => look,
         (None, end) => [end?; 2],
     };
@@ -193,8 +194,7 @@ impl<'a> LookEnds<'a> {
         let mut ends = (0..self.steps.len())
             .filter(|row| self.steps[*row] > least && is_greatest(*row))
             .filter(|row| self.is_shaft_behind(*row).unwrap_or(false) && !self.continues(*row));
-        let row = ends.next()?;
-        Some(self.rim_at(row).unwrap_or([self.rows[row].back_mm; 2]))
+        ends.find_map(|row| self.rim_at(row))
     }
 
     /// Where the rim near a row meets the borders and the middle, mm behind the rough end, by least squares over the
@@ -202,21 +202,22 @@ impl<'a> LookEnds<'a> {
     fn rim_at(&self, row: usize) -> Option<[f64; 2]> {
         /// How far ahead a lane ends, as a share of the middle's distance ahead of the borders.
         const BULGES: [f64; LANES] = [0.51, 0.51, 0.86, 1.0, 0.86];
+        /// Least number of lanes on the ellipse: one more than it has unknowns.
+        const MIN_LANES: usize = 3;
         /// Largest distance of a lane's end from the ellipse, diameters.
-        const MAX_OFF: f64 = 0.15;
+        const MAX_OFF: f64 = 0.2;
         let mut ends: Vec<[f64; 2]> =
             (0..LANES).filter_map(|lane| Some([BULGES[lane], self.crossing(lane, row)?])).collect();
-        loop {
-            let [borders, bulge] = line_of(&ends).filter(|_| ends.len() >= 4)?;
+        while ends.len() >= MIN_LANES {
+            let [borders, bulge] = rim_of(&ends)?;
             let off = |[at, back]: &[f64; 2]| (back - borders - bulge * at).abs();
             let (worst, by) = ends.iter().map(off).enumerate().max_by(|one, other| one.1.total_cmp(&other.1))?;
             if by < MAX_OFF * self.diameter_mm {
-                // A rim is no longer than half as wide as the tube.
-                let is_rim = bulge.abs() < 0.55 * self.diameter_mm;
-                return is_rim.then_some([borders, borders + bulge]);
+                return Some([borders, borders + bulge]);
             }
             ends.remove(worst);
         }
+        None
     }
 
     /// Where a lane's colour is halfway between those behind and ahead of a row, mm behind the rough end.
@@ -275,13 +276,17 @@ impl<'a> LookEnds<'a> {
     }
 }
 
-/// The line `y = a + b x` through points `[x, y]`, by least squares; `None` if they have one `x`.
-fn line_of(points: &[[f64; 2]]) -> Option<[f64; 2]> {
-    let count = points.len() as f64;
-    let [x, y] = [0, 1].map(|part| points.iter().map(|point| point[part]).sum::<f64>() / count);
-    let spread: f64 = points.iter().map(|point| (point[0] - x).powi(2)).sum();
-    let slope = points.iter().map(|point| (point[0] - x) * (point[1] - y)).sum::<f64>() / spread;
-    (spread > 1e-6).then(|| [y - slope * x, slope])
+/// Where the borders of a rim end, and how much farther its middle, from the ends of lanes `[bulge, end]`: least squares,
+/// with the usual size of a bulge in view.
+fn rim_of(ends: &[[f64; 2]]) -> Option<[f64; 2]> {
+    /// Variance of a lane's end over that of the bulge: a tenth of the diameter, and leans of any angle.
+    const RATIO: f64 = 0.1;
+    let count = ends.len() as f64;
+    let [x, y] = [0, 1].map(|part| ends.iter().map(|end| end[part]).sum::<f64>());
+    let [xx, xy] = [0, 1].map(|part| ends.iter().map(|end| end[0] * end[part]).sum::<f64>());
+    let xx = xx + RATIO;
+    let whole = count * xx - x * x;
+    (whole > 1e-9).then(|| [(xx * y - x * xy) / whole, (count * xy - x * y) / whole])
 }
 
 /// Has a row both borders, of the shaft's look?
