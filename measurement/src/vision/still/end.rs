@@ -206,6 +206,8 @@ impl<'a> LookEnds<'a> {
         const MIN_LANES: usize = 3;
         /// Largest distance of a lane's end from the ellipse, diameters.
         const MAX_OFF: f64 = 0.2;
+        /// How far behind the borders the middle may end, diameters: it lies ahead, unless the tool leans to the camera.
+        const MAX_BEHIND: f64 = 0.2;
         let mut ends: Vec<[f64; 2]> =
             (0..LANES).filter_map(|lane| Some([BULGES[lane], self.crossing(lane, row)?])).collect();
         while ends.len() >= MIN_LANES {
@@ -213,7 +215,7 @@ impl<'a> LookEnds<'a> {
             let off = |[at, back]: &[f64; 2]| (back - borders - bulge * at).abs();
             let (worst, by) = ends.iter().map(off).enumerate().max_by(|one, other| one.1.total_cmp(&other.1))?;
             if by < MAX_OFF * self.diameter_mm {
-                return Some([borders, borders + bulge]);
+                return (bulge < MAX_BEHIND * self.diameter_mm).then_some([borders, borders + bulge]);
             }
             ends.remove(worst);
         }

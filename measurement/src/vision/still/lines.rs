@@ -105,39 +105,57 @@ impl ShaftLines {
     }
 }
 
-/// The lines fitted to the steps near rough ones.
-pub fn fit(frame: &Frame<'_>, rough: &ShaftLines, grey: [f64; 2]) -> Option<ShaftLines> {
-    let mut lines = *rough;
-    for reach in REACHES {
-        lines = fit_once(frame, &lines, reach, grey)?.0;
-    }
-    Some(lines)
+/// Lines that were fitted.
+#[derive(Clone, Copy, Debug)]
+pub struct FittedLines {
+    /// The lines.
+    pub lines: ShaftLines,
+    /// Share of the rows that show a step on the border that shows less.
+    pub shown: f64,
+    /// The last place along them where both borders were seen before.
+    pub last_shown: f64,
 }
 
-/// The lines fitted to the steps from the rim to the shaft's end, a place along their middle, and the share of rows that
-/// show them.
-pub fn fit_up_to(frame: &Frame<'_>, lines: &ShaftLines, end: f64, grey: [f64; 2]) -> Option<(ShaftLines, f64)> {
+/// The lines fitted to the steps near rough ones.
+pub fn fit(frame: &Frame<'_>, rough: &ShaftLines, grey: [f64; 2]) -> Option<FittedLines> {
+    let [wide, narrow] = REACHES;
+    fit_once(frame, &fit_once(frame, rough, wide, grey)?.lines, narrow, grey)
+}
+
+/// The lines fitted to the steps from the rim to a place along their middle.
+pub fn fit_up_to(frame: &Frame<'_>, lines: &ShaftLines, end: f64, grey: [f64; 2]) -> Option<FittedLines> {
     fit_once(frame, &ShaftLines { length: end, ..*lines }, REACHES[1], grey)
 }
 
-fn fit_once(frame: &Frame<'_>, lines: &ShaftLines, reach: (f64, f64), grey: [f64; 2]) -> Option<(ShaftLines, f64)> {
+fn fit_once(frame: &Frame<'_>, lines: &ShaftLines, reach: (f64, f64), grey: [f64; 2]) -> Option<FittedLines> {
     let [one, other] = [0, 1].map(|side| fit_border(frame, lines, side, reach, grey));
-    let ((one, one_shown), (other, other_shown)) = (one?, other?);
+    let (one, other) = (one?, other?);
     let [from, to] = [0.0, lines.length].map(|place| {
-        let fitted = ShaftLines { borders: [one, other], ..*lines };
+        let fitted = ShaftLines { borders: [one.line, other.line], ..*lines };
         fitted.at(place, 0.5 * (fitted.offset(0, place) + fitted.offset(1, place)))
     });
-    Some((ShaftLines::between([one, other], from, to)?, one_shown.min(other_shown)))
+    Some(FittedLines {
+        lines: ShaftLines::between([one.line, other.line], from, to)?,
+        shown: one.shown.min(other.shown),
+        last_shown: one.last_shown.min(other.last_shown),
+    })
 }
 
-/// The line of one border, and the share of its rows that show a step near it.
+/// One border that was fitted, as in [`FittedLines`].
+struct FittedBorder {
+    line: BorderLine,
+    shown: f64,
+    last_shown: f64,
+}
+
+/// The line of one border.
 fn fit_border(
     frame: &Frame<'_>,
     lines: &ShaftLines,
     side: usize,
     (share, least_px): (f64, f64),
     grey: [f64; 2],
-) -> Option<(BorderLine, f64)> {
+) -> Option<FittedBorder> {
     let count = (lines.length / ROW_PX) as usize;
     let (mut steps, mut rows) = (Vec::new(), 0.0);
     for row in 0..count {
@@ -158,9 +176,10 @@ fn fit_border(
     let is_near = |(place, at): &&(f64, Point2<f64>)| {
         line.distance(*at).abs() < near_px.max(near_share * lines.width(*place))
     };
-    let near = steps.iter().filter(is_near).count();
-    let shown = near as f64 / rows;
-    (near >= MIN_STEPS && shown >= MIN_SHOWN).then_some((line, shown))
+    let near: Vec<f64> = steps.iter().filter(is_near).map(|(place, _)| *place).collect();
+    let shown = near.len() as f64 / rows;
+    let last_shown = *near.last()?;
+    (near.len() >= MIN_STEPS && shown >= MIN_SHOWN).then_some(FittedBorder { line, shown, last_shown })
 }
 
 /// What a row across a border shows.

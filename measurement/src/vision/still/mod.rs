@@ -25,7 +25,7 @@ use crate::vision::segmentation::shaft_colour::ShaftColour;
 use crate::vision::space::{Normalised, Pixel};
 use crate::vision::strip::Strip;
 use crate::vision::strip::finder::{BareTool, FrameStrips, SearchTurn, StripFinder};
-use lines::ShaftLines;
+use lines::{FittedLines, ShaftLines};
 
 /// A bare tool to be found in stills.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,11 +41,12 @@ pub struct StillTool {
 /// A shaft in a still.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StillShaft {
-    /// Both borders, each from the picture's rim to the shaft's end; the first lies left of the second for an eye that
-    /// looks from the rim along the shaft.
+    /// Both borders, each from the picture's rim to the shaft's end, or to the last place that shows both; the first is
+    /// the left one, seen from the hand.
     pub borders: [[Pixel; 2]; 2],
-    /// Where the middle line meets the rim of the end, on the side of the camera.
-    pub end: Pixel,
+    /// Where the middle line meets the rim of the end, on the side of the camera; `None` if the end is hidden or not
+    /// clear.
+    pub end: Option<Pixel>,
     /// Share of the borders that shows a step, 0 to 1: of the border that shows less.
     pub shown: f64,
     /// Evidence of its strip, nats.
@@ -58,11 +59,29 @@ impl StillShaft {
         (self.borders[0][1].0 - self.borders[1][1].0).norm()
     }
 
+    /// Middles of its borders: at the picture's rim, and at the end.
+    fn middles(&self) -> [Point2<f64>; 2] {
+        [0, 1].map(|end| center(&self.borders[0][end].0, &self.borders[1][end].0))
+    }
+
     /// Is it the same shaft?
     fn is_same_as(&self, other: &Self) -> bool {
-        let middles = |shaft: &Self| [0, 1].map(|end| center(&shaft.borders[0][end].0, &shaft.borders[1][end].0));
-        let [one, two] = [middles(self), middles(other)];
+        let [one, two] = [self.middles(), other.middles()];
         (0..2).all(|end| (one[end] - two[end]).norm() < self.width_px().max(other.width_px()))
+    }
+
+    /// Does its end lie next to another shaft, or next to the jaws ahead of that? It may then only be hidden there.
+    fn ends_at(&self, other: &Self) -> bool {
+        /// Length of jaws, widths.
+        const JAWS: f64 = 6.0;
+        /// Farthest from the other's middle, as a share of both widths: half of both, and the error of an end.
+        const APART: f64 = 0.75;
+        let ([_, end], [from, to]) = (self.middles(), other.middles());
+        let along = to - from;
+        let length = along.norm();
+        let at = (end - from).dot(&along) / length;
+        let aside = (end - from).perp(&along).abs() / length;
+        at > 0.0 && at < length + JAWS * other.width_px() && aside < APART * 0.5 * (self.width_px() + other.width_px())
     }
 }
 
@@ -104,13 +123,14 @@ impl StillFinder {
     pub fn shafts(&self, frame: &Frame<'_>) -> Vec<Result<StillShaft, MissReason>> {
         let strips = FrameStrips::new(&self.finder, frame, SearchTurn::All);
         let mut found: Vec<_> = (0..self.tools.len()).map(|tool| self.shaft(frame, &strips, tool)).collect();
-        for tool in 0..found.len() {
-            let Ok(own) = found[tool] else { continue };
-            let is_others = |other: &Result<StillShaft, MissReason>| {
-                other.as_ref().is_ok_and(|other| other.score > own.score && own.is_same_as(other))
-            };
-            if found.iter().any(is_others) {
-                found[tool] = Err(MissReason::OtherToolsBand);
+        let all: Vec<Option<StillShaft>> = found.iter().map(|found| found.as_ref().ok().copied()).collect();
+        for (tool, found) in found.iter_mut().enumerate() {
+            let Ok(own) = found else { continue };
+            let mut others = all.iter().enumerate().filter(|(other, _)| *other != tool).filter_map(|(_, shaft)| *shaft);
+            if others.clone().any(|other| other.score > own.score && own.is_same_as(&other)) {
+                *found = Err(MissReason::OtherToolsBand);
+            } else if others.any(|other| own.ends_at(&other)) {
+                own.end = None;
             }
         }
         found
@@ -130,15 +150,16 @@ impl StillFinder {
     fn measure(&self, frame: &Frame<'_>, strip: &Strip, tool: usize) -> Result<StillShaft, MissReason> {
         let pixel = |at: Point2<f64>| self.camera.pixel_of(Normalised(at)).0;
         let rough = ShaftLines::new(strip.borders.map(|border| border.map(pixel))).ok_or(MissReason::WrongShape)?;
-        let lines = lines::fit(frame, &rough, self.grey).ok_or(MissReason::BordersNotFound)?;
+        let found = lines::fit(frame, &rough, self.grey).ok_or(MissReason::BordersNotFound)?;
         let StillTool { tool: BareTool { diameter_mm, .. }, collar_mm, .. } = self.tools[tool];
-        let end = end::locate(frame, &lines, &self.edges[tool], diameter_mm, collar_mm).ok_or(MissReason::TipHidden)?;
-        let (fitted, shown) =
-            lines::fit_up_to(frame, &lines, end.borders, self.grey).ok_or(MissReason::BordersNotFound)?;
+        let end = end::locate(frame, &found.lines, &self.edges[tool], diameter_mm, collar_mm);
+        let up_to = end.map_or(found.last_shown, |end| end.borders);
+        let FittedLines { lines, shown, .. } =
+            lines::fit_up_to(frame, &found.lines, up_to, self.grey).ok_or(MissReason::BordersNotFound)?;
         let size = [frame.width(), frame.height()].map(|size| size as f64);
-        let borders = fitted.borders_in_picture(size).ok_or(MissReason::BordersNotFound)?;
-        let ahead = fitted.along() * (end.middle - end.borders);
-        let end = Pixel(center(&borders[0][1].0, &borders[1][1].0) + ahead);
+        let borders = lines.borders_in_picture(size).ok_or(MissReason::BordersNotFound)?;
+        let at_borders = center(&borders[0][1].0, &borders[1][1].0);
+        let end = end.map(|end| Pixel(at_borders + lines.along() * (end.middle - end.borders)));
         Ok(StillShaft { borders, end, shown, score: strip.score })
     }
 }
