@@ -15,10 +15,8 @@ const QUANTISATION_CODES: f32 = 2.0;
 /// Weight of a sample that is certainly shaft: a cell that is always covered keeps its plain median.
 const LEAST_WEIGHT: f32 = 1e-3;
 /// Share of the difference from the background in the evidence of a cell that looks like the shaft: it may be a tool
-/// that never moves. Of fewer frames than these, tools that overlap may have covered it on each, so that the
-/// background is not known there at all.
+/// that never moves. A still does not show its background there at all.
 const LIKE_SHAFT_SHARE: f32 = 0.5;
-const MIN_FRAMES: usize = 10;
 /// Least luma for ratios of luma, codes.
 const LEAST_LUMA: f32 = 8.0;
 
@@ -60,7 +58,7 @@ impl Background {
             usual_codes(&mut samples)
         });
         let mut background = Self::new(grid, usual.collect(), frames, shaft, any);
-        if frames.len() < MIN_FRAMES {
+        if frames.len() == 1 {
             background.like_shaft_share = 0.0;
         }
         Some(background)
@@ -244,6 +242,15 @@ mod tests {
     fn background(covered: usize) -> Background {
         let frames = frames(covered);
         Background::from_frames(&frames, &shaft(), &AnyColour::new(&frames)).unwrap()
+    }
+
+    #[test]
+    fn a_still_does_not_show_what_its_shafts_cover() {
+        let share = |frames: &[CellPicture]| {
+            Background::from_frames(frames, &shaft(), &AnyColour::new(frames)).unwrap().share_of_difference(0)
+        };
+        let covered = frames(10);
+        assert_eq!([share(&covered[..1]), share(&covered), share(&frames(9))], [0.0, LIKE_SHAFT_SHARE, 1.0]);
     }
 
     #[test]

@@ -64,10 +64,15 @@ impl StillShaft {
         [0, 1].map(|end| center(&self.borders[0][end].0, &self.borders[1][end].0))
     }
 
-    /// Is it the same shaft?
+    /// Is it the same shaft: does its middle, as long as both are, lie within the other?
     fn is_same_as(&self, other: &Self) -> bool {
         let [one, two] = [self.middles(), other.middles()];
-        (0..2).all(|end| (one[end] - two[end]).norm() < self.width_px().max(other.width_px()))
+        let length = (one[1] - one[0]).norm().min((two[1] - two[0]).norm());
+        let apart = self.width_px().max(other.width_px());
+        [0.0, length].into_iter().all(|place| {
+            let [one, two] = [one, two].map(|[rim, end]| rim + (end - rim).normalize() * place);
+            (one - two).norm() < apart
+        })
     }
 
     /// Does its end lie next to another shaft, or next to the jaws ahead of that? It may then only be hidden there.
@@ -85,78 +90,81 @@ impl StillShaft {
     }
 }
 
-/// Finds bare shafts in stills of one box.
-pub struct StillFinder {
+/// The shaft of each tool in a still, or why it has none. Each still is looked at alone: nothing else is known of its
+/// box. `samples` are marks on this or on other stills of the box.
+pub fn shafts(frame: &Frame<'_>, samples: &ColourSamples, tools: &[StillTool]) -> Vec<Result<StillShaft, MissReason>> {
+    let Some(still) = Still::new(frame, samples, tools) else {
+        return vec![Err(MissReason::NoMarkerColour); tools.len()];
+    };
+    let strips = FrameStrips::new(&still.finder, frame, SearchTurn::All);
+    let mut found: Vec<_> = (0..tools.len()).map(|tool| still.shaft(&strips, tool)).collect();
+    let all: Vec<Option<StillShaft>> = found.iter().map(|found| found.as_ref().ok().copied()).collect();
+    for (tool, found) in found.iter_mut().enumerate() {
+        let Ok(own) = found else { continue };
+        let mut others = all.iter().enumerate().filter(|(other, _)| *other != tool).filter_map(|(_, shaft)| *shaft);
+        if others.clone().any(|other| other.score > own.score && own.is_same_as(&other)) {
+            *found = Err(MissReason::OtherToolsBand);
+        } else if others.any(|other| own.ends_at(&other)) {
+            own.end = None;
+        }
+    }
+    found
+}
+
+/// A still whose box was learned.
+struct Still<'a> {
+    frame: &'a Frame<'a>,
     finder: StripFinder,
     camera: Camera,
-    tools: Vec<StillTool>,
+    tools: &'a [StillTool],
     edges: Vec<EdgeModel>,
+    /// Usual chroma of the shafts, codes.
     grey: [f64; 2],
 }
 
-impl StillFinder {
-    /// Learns the box from stills of one size and encoding, and from the picture of the empty box if there is one.
-    /// `None` without tools, marked shafts or stills.
-    pub fn learn(
-        samples: &ColourSamples,
-        tools: &[StillTool],
-        stills: &[CellPicture],
-        size: [usize; 2],
-        empty: Option<&CellPicture>,
-    ) -> Option<Self> {
-        let encoding = samples.encoding;
+impl<'a> Still<'a> {
+    /// `None` without tools or marked shafts.
+    fn new(frame: &'a Frame<'a>, samples: &ColourSamples, tools: &'a [StillTool]) -> Option<Self> {
         let is_bare = |label: &&String| tools.iter().any(|tool| tool.colour == **label);
         let labels = samples.labels.iter().filter(is_bare);
-        let pixels: Vec<[u8; 3]> = labels.flat_map(|label| samples.codes_of_label(label, encoding)).collect();
-        let shaft = ShaftColour::new(&pixels)?;
+        let pixels: Vec<[u8; 3]> = labels.flat_map(|label| samples.codes_of_label(label, frame.encoding)).collect();
+        let shaft = ShaftColour::in_shade_too(&pixels)?;
         let grey = shaft.chroma().map(f64::from);
-        let camera = any_camera(size);
+        let camera = any_camera([frame.width(), frame.height()]);
         let bare: Vec<BareTool> = tools.iter().map(|tool| tool.tool).collect();
-        let finder = StripFinder::learn(&camera, shaft, &bare, stills, empty).filter(|_| !bare.is_empty())?;
+        let finder = StripFinder::learn(&camera, shaft, &bare, &[CellPicture::of(frame)], None)?;
         let edges = tools.iter().map(|tool| {
-            EdgeModel::new(samples.usual_colour(&tool.colour, encoding), Likeness::AllPlanes, encoding)
+            let usual = samples.usual_colour(&tool.colour, frame.encoding);
+            EdgeModel::new(usual, Likeness::AllPlanes, frame.encoding)
         });
-        Some(Self { finder, camera, edges: edges.collect(), tools: tools.to_vec(), grey })
+        Some(Self { frame, finder, camera, tools, edges: edges.collect(), grey })
     }
 
-    /// The shaft of each tool in a still of the encoding of the samples, or why it has none.
-    pub fn shafts(&self, frame: &Frame<'_>) -> Vec<Result<StillShaft, MissReason>> {
-        let strips = FrameStrips::new(&self.finder, frame, SearchTurn::All);
-        let mut found: Vec<_> = (0..self.tools.len()).map(|tool| self.shaft(frame, &strips, tool)).collect();
-        let all: Vec<Option<StillShaft>> = found.iter().map(|found| found.as_ref().ok().copied()).collect();
-        for (tool, found) in found.iter_mut().enumerate() {
-            let Ok(own) = found else { continue };
-            let mut others = all.iter().enumerate().filter(|(other, _)| *other != tool).filter_map(|(_, shaft)| *shaft);
-            if others.clone().any(|other| other.score > own.score && own.is_same_as(&other)) {
-                *found = Err(MissReason::OtherToolsBand);
-            } else if others.any(|other| own.ends_at(&other)) {
-                own.end = None;
-            }
-        }
-        found
-    }
-
-    fn shaft(&self, frame: &Frame<'_>, strips: &FrameStrips<'_>, tool: usize) -> Result<StillShaft, MissReason> {
-        let mut reason = MissReason::NoMarkerColour;
+    /// The shaft of the best strip whose end shows; without one, of the best.
+    fn shaft(&self, strips: &FrameStrips<'_>, tool: usize) -> Result<StillShaft, MissReason> {
+        let mut best = Err(MissReason::NoMarkerColour);
         for strip in strips.of_tool(tool) {
-            match self.measure(frame, &strip, tool) {
-                Ok(shaft) => return Ok(shaft),
-                Err(other) => reason = reason.max(other),
+            match (self.measure(&strip, tool), &best) {
+                (Ok(shaft), _) if shaft.end.is_some() => return Ok(shaft),
+                (Ok(shaft), Err(_)) => best = Ok(shaft),
+                (Err(reason), Err(other)) => best = Err(reason.max(*other)),
+                (_, Ok(_)) => (),
             }
         }
-        Err(reason)
+        best
     }
 
-    fn measure(&self, frame: &Frame<'_>, strip: &Strip, tool: usize) -> Result<StillShaft, MissReason> {
+    fn measure(&self, strip: &Strip, tool: usize) -> Result<StillShaft, MissReason> {
         let pixel = |at: Point2<f64>| self.camera.pixel_of(Normalised(at)).0;
         let rough = ShaftLines::new(strip.borders.map(|border| border.map(pixel))).ok_or(MissReason::WrongShape)?;
-        let found = lines::fit(frame, &rough, self.grey).ok_or(MissReason::BordersNotFound)?;
+        let fitted = lines::fit(self.frame, &rough, self.grey).ok_or(MissReason::BordersNotFound)?;
         let StillTool { tool: BareTool { diameter_mm, .. }, collar_mm, .. } = self.tools[tool];
-        let end = end::locate(frame, &found.lines, &self.edges[tool], diameter_mm, collar_mm);
-        let up_to = end.map_or(found.last_shown, |end| end.borders);
-        let FittedLines { lines, shown, .. } =
-            lines::fit_up_to(frame, &found.lines, up_to, self.grey).ok_or(MissReason::BordersNotFound)?;
-        let size = [frame.width(), frame.height()].map(|size| size as f64);
+        let end = end::locate(self.frame, &fitted.lines, &self.edges[tool], diameter_mm, collar_mm);
+        let up_to = end.map_or(fitted.last_shown, |end| end.borders);
+        let fitted =
+            lines::fit_up_to(self.frame, &fitted.lines, up_to, self.grey).ok_or(MissReason::BordersNotFound)?;
+        let FittedLines { lines, shown, .. } = fitted;
+        let size = [self.frame.width(), self.frame.height()].map(|size| size as f64);
         let borders = lines.borders_in_picture(size).ok_or(MissReason::BordersNotFound)?;
         let at_borders = center(&borders[0][1].0, &borders[1][1].0);
         let end = end.map(|end| Pixel(at_borders + lines.along() * (end.middle - end.borders)));
