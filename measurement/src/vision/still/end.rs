@@ -36,6 +36,10 @@ const MIN_STEP_RATIO: f64 = 3.0;
 /// of the step.
 const ALIKE_DIAMETERS: [f64; 2] = [2.0, 5.0];
 const MAX_UNLIKE_SHARE: f64 = 0.5;
+/// Length of the shaft behind its end that must have borders, diameters, and the least share of it that must: things
+/// behind the shaft that look like it hide a third of its borders.
+const LONG_DIAMETERS: f64 = 6.0;
+const MIN_LONG_SHARE: f64 = 0.6;
 /// Length ahead of the end where the shaft's look may show again, diameters: jaws have it in places.
 const MAX_RESUMED_DIAMETERS: f64 = 2.0;
 /// Where the borders must not continue, diameters ahead: a collar is shorter. And the largest share that may have them.
@@ -248,12 +252,18 @@ impl<'a> LookEnds<'a> {
         crossings.min_by(|one, other| off(one).total_cmp(&off(other)))
     }
 
-    /// Does the shaft look the same far behind a row?
+    /// Does the shaft look the same far behind a row, with borders?
     fn is_shaft_behind(&self, row: usize) -> Option<bool> {
         let next = look_of(&self.rows[row - self.count(PIECE_DIAMETERS)..row]);
         let [from, to] = ALIKE_DIAMETERS.map(|diameters| row.saturating_sub(self.count(diameters)));
         let far = look_of(self.rows.get(to..from)?);
-        Some(median_distance(&next, &far)? < MAX_UNLIKE_SHARE * self.steps[row])
+        let behind = &self.rows[row.saturating_sub(self.count(LONG_DIAMETERS))..row];
+        let is_long = (0..2).all(|side| {
+            let seen = behind.iter().filter(|row| row.borders[side].is_some()).count();
+            let shown = behind.iter().filter(|row| has_border(row, side, &far)).count();
+            shown as f64 >= MIN_LONG_SHARE * seen as f64
+        });
+        Some(is_long && median_distance(&next, &far)? < MAX_UNLIKE_SHARE * self.steps[row])
     }
 
     /// Do the shaft's look or its borders continue ahead of a row?
@@ -266,7 +276,7 @@ impl<'a> LookEnds<'a> {
         };
         let alike = ahead.iter().filter(is_alike).count();
         let [from, to] = AHEAD_DIAMETERS.map(|diameters| self.count(diameters).min(ahead.len()));
-        let with_borders = ahead[from..to].iter().filter(|row| has_borders(row, &look)).count();
+        let with_borders = ahead[from..to].iter().filter(|row| (0..2).all(|side| has_border(row, side, &look))).count();
         alike > self.count(MAX_RESUMED_DIAMETERS)
             || with_borders as f64 > MAX_AHEAD_SHARE * (to - from).max(1) as f64
     }
@@ -291,11 +301,9 @@ fn rim_of(ends: &[[f64; 2]]) -> Option<[f64; 2]> {
     (whole > 1e-9).then(|| [(xx * y - x * xy) / whole, (count * xy - x * y) / whole])
 }
 
-/// Has a row both borders, of the shaft's look?
-fn has_borders(row: &ShaftRow, look: &Look) -> bool {
-    (0..2).all(|side| {
-        row.borders[side].zip(look[side]).is_some_and(|([inside, outside], shaft)| {
-            distance(inside, outside) > MIN_BORDER_CODES && distance(inside, shaft) < distance(outside, shaft)
-        })
+/// Has a row the border of this side, of the shaft's look?
+fn has_border(row: &ShaftRow, side: usize, look: &Look) -> bool {
+    row.borders[side].zip(look[side]).is_some_and(|([inside, outside], shaft)| {
+        distance(inside, outside) > MIN_BORDER_CODES && distance(inside, shaft) < distance(outside, shaft)
     })
 }

@@ -27,6 +27,9 @@ use crate::vision::strip::Strip;
 use crate::vision::strip::finder::{BareTool, FrameStrips, SearchTurn, StripFinder};
 use lines::{FittedLines, ShaftLines};
 
+/// Least length of a shaft whose end does not show, widths: as much as its end needs.
+const MIN_LENGTH_WIDTHS: f64 = 6.0;
+
 /// A bare tool to be found in stills.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StillTool {
@@ -64,15 +67,23 @@ impl StillShaft {
         [0, 1].map(|end| center(&self.borders[0][end].0, &self.borders[1][end].0))
     }
 
-    /// Is it the same shaft: does its middle, as long as both are, lie within the other?
+    /// Is it the same shaft, from either side: do both middles lie within the other, and overlap?
     fn is_same_as(&self, other: &Self) -> bool {
-        let [one, two] = [self.middles(), other.middles()];
-        let length = (one[1] - one[0]).norm().min((two[1] - two[0]).norm());
-        let apart = self.width_px().max(other.width_px());
-        [0.0, length].into_iter().all(|place| {
-            let [one, two] = [one, two].map(|[rim, end]| rim + (end - rim).normalize() * place);
-            (one - two).norm() < apart
-        })
+        let apart = 0.5 * self.width_px().max(other.width_px());
+        let lies_in = |one: &Self, other: &Self| {
+            let (points, [from, to]) = (one.middles(), other.middles());
+            let along = (to - from).normalize();
+            let places = points.map(|point| (point - from).dot(&along));
+            let overlaps = places[0].min(places[1]) < (to - from).norm() && places[0].max(places[1]) > 0.0;
+            overlaps && points.iter().all(|point| (point - from).perp(&along).abs() < apart)
+        };
+        lies_in(self, other) || lies_in(other, self)
+    }
+
+    /// Is it the better one of two that are the same: does its end show, or has it more evidence?
+    fn is_better_than(&self, other: &Self) -> bool {
+        let rank = |shaft: &Self| (shaft.end.is_some(), shaft.score);
+        rank(self) > rank(other)
     }
 
     /// Does its end lie next to another shaft, or next to the jaws ahead of that? It may then only be hidden there.
@@ -102,7 +113,7 @@ pub fn shafts(frame: &Frame<'_>, samples: &ColourSamples, tools: &[StillTool]) -
     for (tool, found) in found.iter_mut().enumerate() {
         let Ok(own) = found else { continue };
         let mut others = all.iter().enumerate().filter(|(other, _)| *other != tool).filter_map(|(_, shaft)| *shaft);
-        if others.clone().any(|other| other.score > own.score && own.is_same_as(&other)) {
+        if others.clone().any(|other| other.is_better_than(own) && own.is_same_as(&other)) {
             *found = Err(MissReason::OtherToolsBand);
         } else if others.any(|other| own.ends_at(&other)) {
             own.end = None;
@@ -166,6 +177,9 @@ impl<'a> Still<'a> {
         let FittedLines { lines, shown, .. } = fitted;
         let size = [self.frame.width(), self.frame.height()].map(|size| size as f64);
         let borders = lines.borders_in_picture(size).ok_or(MissReason::BordersNotFound)?;
+        if end.is_none() && lines.length < MIN_LENGTH_WIDTHS * lines.width(lines.length) {
+            return Err(MissReason::TipHidden);
+        }
         let at_borders = center(&borders[0][1].0, &borders[1][1].0);
         let end = end.map(|end| Pixel(at_borders + lines.along() * (end.middle - end.borders)));
         Ok(StillShaft { borders, end, shown, score: strip.score })
