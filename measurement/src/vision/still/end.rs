@@ -277,8 +277,7 @@ impl<'a> LookEnds<'a> {
         let alike = ahead.iter().filter(is_alike).count();
         let [from, to] = AHEAD_DIAMETERS.map(|diameters| self.count(diameters).min(ahead.len()));
         let with_borders = ahead[from..to].iter().filter(|row| (0..2).all(|side| has_border(row, side, &look))).count();
-        alike > self.count(MAX_RESUMED_DIAMETERS)
-            || with_borders as f64 > MAX_AHEAD_SHARE * (to - from).max(1) as f64
+        alike > self.count(MAX_RESUMED_DIAMETERS) || with_borders as f64 > MAX_AHEAD_SHARE * (to - from).max(1) as f64
     }
 
     /// The step from a look to that of the next piece, codes.

@@ -148,6 +148,34 @@ struct FittedBorder {
     last_shown: f64,
 }
 
+/// Is a border that of a highlight on the shaft? Beyond a highlight the shaft is dark again, along most of the border.
+pub fn is_of_highlight(frame: &Frame<'_>, lines: &ShaftLines, side: usize, grey: [f64; 2]) -> bool {
+    /// Where the shaft would be dark again, widths outside the border: a highlight is narrower than the shaft.
+    const BEYOND: [f64; 5] = [0.2, 0.4, 0.6, 0.8, 1.0];
+    /// Least share of the rows, and of the border's contrast.
+    const MIN_SHARE: f64 = 0.5;
+    let outward = if side == 0 { -1.0 } else { 1.0 };
+    let (mut seen, mut dark) = (0.0, 0.0);
+    for row in 0..(lines.length / ROW_PX) as usize {
+        let place = (row as f64 + 0.5) * ROW_PX;
+        let width = lines.width(place);
+        let codes = |px: f64| {
+            let across = lines.offset(side, place) + outward * px;
+            mean([-0.5, 0.5].map(|more| codes_at(frame, Pixel(lines.at(place, across + more)))))
+        };
+        let (Some(inside), Some(outside)) = (codes(-2.0), codes(2.0)) else { continue };
+        let own = contrast(inside, outside, grey);
+        if own >= 1.0 {
+            seen += 1.0;
+            let is_dark = |share: &f64| {
+                codes(2.0 + share * width).is_some_and(|codes| contrast(codes, outside, grey) > MIN_SHARE * own)
+            };
+            dark += f64::from(u8::from(BEYOND.iter().any(is_dark)));
+        }
+    }
+    dark > MIN_SHARE * seen
+}
+
 /// The line of one border.
 fn fit_border(
     frame: &Frame<'_>,
@@ -173,9 +201,8 @@ fn fit_border(
     let points: Vec<Point2<f64>> = steps.iter().map(|(_, at)| *at).collect();
     let line = line_fit::fit(&points).filter(|_| points.len() >= MIN_STEPS)?;
     let (near_share, near_px) = NEAR;
-    let is_near = |(place, at): &&(f64, Point2<f64>)| {
-        line.distance(*at).abs() < near_px.max(near_share * lines.width(*place))
-    };
+    let is_near =
+        |(place, at): &&(f64, Point2<f64>)| line.distance(*at).abs() < near_px.max(near_share * lines.width(*place));
     let near: Vec<f64> = steps.iter().filter(is_near).map(|(place, _)| *place).collect();
     let shown = near.len() as f64 / rows;
     let last_shown = *near.last()?;
@@ -190,14 +217,7 @@ enum RowStep {
 }
 
 /// The place of greatest contrast in a row across a border.
-fn step_in_row(
-    frame: &Frame<'_>,
-    lines: &ShaftLines,
-    side: usize,
-    place: f64,
-    reach: f64,
-    grey: [f64; 2],
-) -> RowStep {
+fn step_in_row(frame: &Frame<'_>, lines: &ShaftLines, side: usize, place: f64, reach: f64, grey: [f64; 2]) -> RowStep {
     let outward = if side == 0 { -1.0 } else { 1.0 };
     let middle = lines.offset(side, place);
     let contrast_at = |off_px: f64| {

@@ -175,6 +175,9 @@ impl<'a> Still<'a> {
         let fitted =
             lines::fit_up_to(self.frame, &fitted.lines, up_to, self.grey).ok_or(MissReason::BordersNotFound)?;
         let FittedLines { lines, shown, .. } = fitted;
+        if (0..2).any(|side| lines::is_of_highlight(self.frame, &lines, side, self.grey)) {
+            return Err(MissReason::BordersNotFound);
+        }
         let size = [self.frame.width(), self.frame.height()].map(|size| size as f64);
         let borders = lines.borders_in_picture(size).ok_or(MissReason::BordersNotFound)?;
         if end.is_none() && lines.length < MIN_LENGTH_WIDTHS * lines.width(lines.length) {
