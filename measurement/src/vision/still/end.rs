@@ -164,14 +164,12 @@ impl<'a> LookEnds<'a> {
     fn new(rows: &'a [ShaftRow], diameter_mm: f64) -> Option<Self> {
         let step_mm = rows.first()?.back_mm - rows.get(1)?.back_mm;
         let mut ends = Self { rows, step_mm, diameter_mm, steps: Vec::new(), usual_codes: 0.0 };
-        ends.steps = (0..rows.len()).map(|row| ends.step_at(row).unwrap_or(0.0)).collect();
-        let mut behind: Vec<f64> = (0..rows.len())
-            .filter(|row| rows[*row].back_mm > 0.0)
-            .map(|row| ends.steps[row])
-            .filter(|step| *step > 0.0)
-            .collect();
+        let steps: Vec<Option<f64>> = (0..rows.len()).map(|row| ends.step_at(row)).collect();
+        ends.steps = steps.iter().map(|step| step.unwrap_or(0.0)).collect();
+        let seen = rows.iter().zip(steps).filter(|(row, _)| row.back_mm > 0.0).filter_map(|(_, step)| step);
+        let mut behind: Vec<f64> = seen.collect();
         behind.sort_by(f64::total_cmp);
-        ends.usual_codes = *behind.get(behind.len() / 2)?;
+        ends.usual_codes = behind.get(behind.len() / 2).copied().unwrap_or(0.0);
         Some(ends)
     }
 

@@ -109,17 +109,27 @@ pub fn shafts(frame: &Frame<'_>, samples: &ColourSamples, tools: &[StillTool]) -
     };
     let strips = FrameStrips::new(&still.finder, frame, SearchTurn::All);
     let mut found: Vec<_> = (0..tools.len()).map(|tool| still.shaft(&strips, tool)).collect();
-    let all: Vec<Option<StillShaft>> = found.iter().map(|found| found.as_ref().ok().copied()).collect();
-    for (tool, found) in found.iter_mut().enumerate() {
-        let Ok(own) = found else { continue };
-        let mut others = all.iter().enumerate().filter(|(other, _)| *other != tool).filter_map(|(_, shaft)| *shaft);
-        if others.clone().any(|other| other.is_better_than(own) && own.is_same_as(&other)) {
-            *found = Err(MissReason::OtherToolsBand);
-        } else if others.any(|other| own.ends_at(&other)) {
-            own.end = None;
+    for (tool, others) in others_of(&found).into_iter().enumerate() {
+        let is_others =
+            |own: &StillShaft| others.iter().any(|other| other.is_better_than(own) && own.is_same_as(other));
+        if found[tool].as_ref().is_ok_and(is_others) {
+            found[tool] = Err(MissReason::OtherToolsBand);
         }
     }
+    let others = others_of(&found);
+    for (found, others) in found.iter_mut().zip(others) {
+        let Ok(own) = found else { continue };
+        own.end = own.end.filter(|_| !others.iter().any(|other| own.ends_at(other)));
+    }
     found
+}
+
+/// For each tool, the shafts of the others.
+fn others_of(found: &[Result<StillShaft, MissReason>]) -> Vec<Vec<StillShaft>> {
+    let shafts: Vec<Option<StillShaft>> = found.iter().map(|found| found.as_ref().ok().copied()).collect();
+    let others =
+        |tool: usize| shafts.iter().enumerate().filter_map(move |(other, shaft)| shaft.filter(|_| other != tool));
+    (0..found.len()).map(|tool| others(tool).collect()).collect()
 }
 
 /// A still whose box was learned.
@@ -207,5 +217,114 @@ fn any_camera([width, height]: [usize; 2]) -> Camera {
         p2: 0.0,
         k3: 0.0,
         focal_sigma: 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::frame::{ColourEncoding, Matrix, Plane, Range};
+    use crate::vision::segmentation::samples::ColourSample;
+    use crate::vision::space::HandSide;
+
+    const SIZE: [usize; 2] = [640, 360];
+    const BOX: u8 = 170;
+    const BLACK: u8 = 30;
+    const STEEL: u8 = 95;
+    /// Column where the shaft ends, and its middle row and half width there and at the rim.
+    const END: f64 = 420.0;
+    const MIDDLE: [f64; 2] = [180.0, 240.0];
+    const HALF: [f64; 2] = [14.0, 26.0];
+
+    /// Distance from the shaft's middle at a column, half widths.
+    fn aside(x: f64, y: f64) -> f64 {
+        let at = |[end, rim]: [f64; 2]| rim + (end - rim) * x / END;
+        (y - at(MIDDLE)) / at(HALF)
+    }
+
+    /// Luma of a shaft from the left with a hinge of steel.
+    fn shaft_luma(x: f64, y: f64) -> u8 {
+        let aside = aside(x, y).abs();
+        match x {
+            x if x < END && aside < 1.0 => BLACK,
+            x if (END..END + 60.0).contains(&x) && aside < 0.6 => STEEL,
+            _ => BOX,
+        }
+    }
+
+    /// What is found for a tool on the left and one on the right of a grey picture.
+    fn found(luma: impl Fn(f64, f64) -> u8) -> Vec<Result<StillShaft, MissReason>> {
+        let [width, height] = SIZE;
+        let mean = |i: usize| {
+            let (x, y) = ((i % width) as f64, (i / width) as f64);
+            let parts = (0..16).map(|part| {
+                let [right, down] = [part % 4, part / 4].map(|part| f64::from(part) / 4.0 - 0.375);
+                u32::from(luma(x + right, y + down))
+            });
+            (parts.sum::<u32>() / 16) as u8
+        };
+        let codes: Vec<u8> = (0..width * height).map(mean).collect();
+        let grey = vec![128; width * height];
+        let [y, u, v] = [&codes, &grey, &grey].map(|data| Plane { data, stride: width, width, height });
+        let encoding = ColourEncoding { range: Range::Full, matrix: Matrix::Bt601 };
+        let (index, time_s, shift_x, shift_y, chroma_first_px) = (0, 0.0, 0, 0, [0.0; 2]);
+        let frame = Frame { index, time_s, y, u, v, shift_x, shift_y, chroma_first_px, encoding };
+        let sample = |yuv| ColourSample { label: 0, rectangle: 0, yuv };
+        let samples = ColourSamples {
+            encoding,
+            labels: vec!["shaft".to_owned()],
+            samples: (0..40).map(|i| sample([BLACK - 4 + i % 9, 128, 128])).collect(),
+            places: Vec::new(),
+        };
+        let tools = [HandSide::Left, HandSide::Right].map(|side| StillTool {
+            colour: "shaft".to_owned(),
+            tool: BareTool { side: Some(side), diameter_mm: 5.0 },
+            collar_mm: 0.0,
+        });
+        shafts(&frame, &samples, &tools)
+    }
+
+    /// Largest distance of a shaft's borders from those drawn, pixels.
+    fn off_px(shaft: &StillShaft) -> f64 {
+        let off = |at: Pixel| {
+            let aside = aside(at.u(), at.v());
+            (aside.abs() - 1.0).abs() * (HALF[1] + (HALF[0] - HALF[1]) * at.u() / END)
+        };
+        shaft.borders.iter().flatten().map(|at| off(*at)).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn the_edges_and_the_end_of_a_tapered_shaft_are_found_and_no_second_one() {
+        let both = found(shaft_luma);
+        let shaft = both[0].unwrap();
+        assert!(off_px(&shaft) < 0.7 && shaft.shown > 0.9, "{shaft:?}");
+        let end = shaft.end.unwrap();
+        assert!((end.u() - END).abs() < 3.0 && aside(end.u(), end.v()).abs() < 0.1, "{shaft:?}");
+        assert!(both[1].is_err(), "{:?}", both[1]);
+    }
+
+    #[test]
+    fn a_shaft_that_leaves_the_picture_has_edges_and_no_end() {
+        let through = found(|x, y| if aside(x, y).abs() < 1.0 { BLACK } else { BOX });
+        let shaft = through.iter().flatten().next().unwrap();
+        assert!(shaft.end.is_none() && off_px(shaft) < 0.7, "{shaft:?}");
+    }
+
+    #[test]
+    fn a_thing_across_the_shaft_is_no_end() {
+        let across = found(|x, y| if (300.0..330.0).contains(&x) { STEEL } else { shaft_luma(x, y) });
+        let end = across[0].ok().and_then(|shaft| shaft.end);
+        assert!(end.is_none_or(|end| (end.u() - END).abs() < 3.0), "{across:?}");
+    }
+
+    #[test]
+    fn half_of_a_shaft_beside_its_highlight_is_no_shaft() {
+        let gloss = |x: f64, y: f64| match aside(x, y) {
+            _ if x > END => shaft_luma(x, y),
+            aside if aside.abs() < 0.25 => BOX,
+            _ => shaft_luma(x, y),
+        };
+        let both = found(gloss);
+        assert!(both.iter().flatten().all(|shaft| off_px(shaft) < 2.0), "{both:?}");
     }
 }
