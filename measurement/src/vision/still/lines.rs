@@ -152,8 +152,10 @@ struct FittedBorder {
 pub fn is_of_highlight(frame: &Frame<'_>, lines: &ShaftLines, side: usize, grey: [f64; 2]) -> bool {
     /// Where the shaft would be dark again, widths outside the border: a highlight is narrower than the shaft.
     const BEYOND: [f64; 5] = [0.2, 0.4, 0.6, 0.8, 1.0];
-    /// Least share of the rows, and of the border's contrast.
-    const MIN_SHARE: f64 = 0.5;
+    /// How dark it is there, as a share of the border's contrast: darker than a shadow beside the shaft. And the least
+    /// share of the rows.
+    const DARK: f64 = 0.8;
+    const MIN_SHARE: f64 = 0.6;
     let outward = if side == 0 { -1.0 } else { 1.0 };
     let (mut seen, mut dark) = (0.0, 0.0);
     for row in 0..(lines.length / ROW_PX) as usize {
@@ -168,7 +170,7 @@ pub fn is_of_highlight(frame: &Frame<'_>, lines: &ShaftLines, side: usize, grey:
         if own >= 1.0 {
             seen += 1.0;
             let is_dark = |share: &f64| {
-                codes(2.0 + share * width).is_some_and(|codes| contrast(codes, outside, grey) > MIN_SHARE * own)
+                codes(2.0 + share * width).is_some_and(|codes| contrast(codes, outside, grey) > DARK * own)
             };
             dark += f64::from(u8::from(BEYOND.iter().any(is_dark)));
         }
