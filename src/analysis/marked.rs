@@ -1,7 +1,7 @@
 //! Frames on which an instructor marked colours: collects the samples, judges them, and makes masks of the pixels that
 //! they classify as tape or as bare shaft.
 
-use crate::domain::palette::{FrameMask, PaletteReport};
+use crate::domain::palette::{FrameMask, PaletteReport, ShaftOnFrame};
 use crate::media::Picture;
 use crate::vision::blob::false_area::false_area;
 use crate::vision::frame::Frame;
@@ -12,7 +12,10 @@ use crate::vision::segmentation::palette::confusion::Confusion;
 use crate::vision::segmentation::palette::{FalseArea, verdict};
 use crate::vision::segmentation::region_of_interest::{CELL_PX, CellBox};
 use crate::vision::segmentation::samples::{ColourSamples, MarkedRectangle};
+use crate::vision::still::{self, StillTool};
+use crate::vision::strip::finder::BareTool;
 use crate::vision::surroundings::{Surroundings, SurroundingsSampler};
+use crate::vision::tracker::ToolSpec;
 
 /// Most marked frames kept for the report, which needs all colours; further frames only give samples. A 1080p frame
 /// takes 3 MB.
@@ -113,6 +116,19 @@ impl MarkedFrames {
         Some(PaletteReport::new(&confusion, &verdicts, &false_areas))
     }
 
+    /// The shaft of each of these tools without tape on each kept frame. Each frame is looked at alone.
+    pub fn shafts(&self, tools: &[ToolSpec]) -> Vec<ShaftOnFrame> {
+        let bare: Vec<&ToolSpec> = tools.iter().filter(|tool| tool.is_bare()).collect();
+        let Some(samples) = self.samples.as_ref().filter(|_| !bare.is_empty()) else { return Vec::new() };
+        let wanted: Vec<StillTool> = bare.iter().map(|tool| still_tool(tool)).collect();
+        let of_frame = |(picture, _): &MarkedFrame| {
+            let frame = picture.frame();
+            let measured = still::shafts(&frame, samples, &wanted).into_iter().zip(&bare);
+            measured.map(|(shaft, tool)| ShaftOnFrame::new(frame.index, &tool.name, shaft)).collect::<Vec<_>>()
+        };
+        self.kept.iter().flat_map(of_frame).collect()
+    }
+
     fn false_areas(&self, samples: &ColourSamples, colours: &[String], tapes: &[String]) -> Vec<FalseArea> {
         let wearers = |colour: &String| tapes.iter().filter(|tape| *tape == colour).count();
         let worn: Vec<(&String, usize)> = colours.iter().map(|colour| (colour, wearers(colour))).collect();
@@ -137,6 +153,11 @@ impl MarkedFrames {
         let encoding = |(picture, _): &MarkedFrame| picture.frame().encoding;
         self.kept.chunk_by(|a, b| encoding(a) == encoding(b)).filter_map(of_one_encoding).flatten().collect()
     }
+}
+
+fn still_tool(spec: &ToolSpec) -> StillTool {
+    let tool = BareTool { side: spec.side, diameter_mm: spec.diameter_mm };
+    StillTool { colour: spec.colour.clone(), tool, collar_mm: spec.collar_mm() }
 }
 
 /// The class of each cell of a frame, looked up as the tracker does.

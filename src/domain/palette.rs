@@ -5,11 +5,14 @@ use serde::{Deserialize, Serialize};
 use super::boxes::BoxTool;
 use super::files::annotations::AnnotationsFile;
 use super::named;
+use crate::vision::reason::MissReason;
 use crate::vision::segmentation::palette::advice::{PairAdvice, TapeAdvice, TapeRanking};
 use crate::vision::segmentation::palette::confusion::{Confusion, LabelConfusion};
 use crate::vision::segmentation::palette::light::LightCondition;
 use crate::vision::segmentation::palette::verdict::{MIN_SHOWN_STEPS, TapeProblem};
 use crate::vision::segmentation::palette::{FalseArea, Margin, PaletteGrade, TapeVerdict, verdict};
+use crate::vision::space::Pixel;
+use crate::vision::still::StillShaft;
 use crate::vision::surroundings::Surroundings;
 
 /// Colour samples to be stored as a box's next version.
@@ -67,6 +70,46 @@ pub struct FrameMask {
     pub rows: u32,
     /// The cells, row by row, as runs of `[class, cells]`: class 0 is neither, 1 the first of `colours`, and so on.
     pub runs: Vec<[u32; 2]>,
+}
+
+/// A tool's bare shaft on a frame that is looked at alone, without a camera. Places are `[x, y]`, pixels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ShaftOnFrame {
+    /// The frame.
+    pub frame: u64,
+    /// The tool's name.
+    pub tool: String,
+    /// Both edges, each from the picture's rim to the shaft's end, or to the last place that shows both; absent if they
+    /// were not found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edges_px: Option<[[[f64; 2]; 2]; 2]>,
+    /// Share of the edges that shows a step of the colour, 0..1: of the edge that shows less.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edges_shown: Option<f64>,
+    /// Where the shaft's middle ends; absent if that is hidden or not clear.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end_px: Option<[f64; 2]>,
+    /// Why the edges or the end are missing; absent if both were found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+impl ShaftOnFrame {
+    /// From what was measured.
+    pub fn new(frame: u64, tool: &str, measured: Result<StillShaft, MissReason>) -> Self {
+        let place = |pixel: Pixel| [pixel.u(), pixel.v()];
+        let shaft = measured.ok();
+        let end_px = shaft.and_then(|shaft| shaft.end).map(place);
+        let reason = measured.map_or_else(Some, |_| end_px.is_none().then_some(MissReason::TipHidden));
+        Self {
+            frame,
+            tool: tool.to_owned(),
+            edges_px: shaft.map(|shaft| shaft.borders.map(|border| border.map(place))),
+            edges_shown: shaft.map(|shaft| shaft.shown),
+            end_px,
+            reason: reason.map(|reason| reason.name().to_owned()),
+        }
+    }
 }
 
 /// How well a palette's colours can be relied on, determined before anything is recorded.

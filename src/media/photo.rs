@@ -65,11 +65,17 @@ pub fn read_luma(bytes: impl BufRead + Seek, limits: MediaLimits) -> Result<Luma
 }
 
 /// The picture of a photo, or the first frame of a video. Errors as [`read_luma`] and [`VideoFile`].
-pub fn first_picture(mut file: File, limits: MediaLimits) -> Result<Picture, MediaError> {
-    if is_photo(&first_bytes(&mut file).map_err(unreadable)?) {
-        return read_picture(BufReader::new(file), 0, limits);
+pub fn first_picture(file: File, limits: MediaLimits) -> Result<Picture, MediaError> {
+    match picture_of_photo(&file, limits)? {
+        Some(picture) => Ok(picture),
+        None => VideoFile::open(file, limits)?.next_picture()?.ok_or(MediaError::NoFrames),
     }
-    VideoFile::open(file, limits)?.next_picture()?.ok_or(MediaError::NoFrames)
+}
+
+/// The picture of a photo; `None` if the file is none, and may be a video. Errors as [`read_luma`].
+pub fn picture_of_photo(mut file: &File, limits: MediaLimits) -> Result<Option<Picture>, MediaError> {
+    let is_photo = is_photo(&first_bytes(&mut file).map_err(unreadable)?);
+    is_photo.then(|| read_picture(BufReader::new(file), 0, limits)).transpose()
 }
 
 /// Reads a JPEG, PNG or BMP photo in colour, as the frame of this number in a recording. Errors as [`read_luma`].

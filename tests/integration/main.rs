@@ -27,6 +27,7 @@ mod resources;
 mod same_colour;
 mod schema;
 mod skill;
+mod stills;
 mod support;
 mod surroundings;
 mod truth;

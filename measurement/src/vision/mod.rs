@@ -16,7 +16,7 @@
 //! | filter | poses on real time stamps | causal and smoothed states | `filter/` | 5 |
 //! | trajectory | states | [`trajectory::Trajectory`] | `trajectory.rs` | 5 |
 //!
-//! [`tracker`] calls the stages for each frame. A stage uses the outputs of earlier stages, never those of later ones.
+//! [`tracker`] calls the stages for each frame, and [`still`] those that need no camera. A stage uses the outputs of earlier stages, never those of later ones.
 //! [`mod@reference`] has two markerless systems of other authors, which use the same stages and are only compared with it.
 
 pub mod blob;
@@ -30,6 +30,7 @@ pub mod reason;
 pub mod reference;
 pub mod segmentation;
 pub mod space;
+pub mod still;
 pub mod strip;
 pub mod surroundings;
 pub mod tracker;

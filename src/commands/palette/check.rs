@@ -1,25 +1,41 @@
-//! `trocar palette --check`: compares the marked colours with each other and with the frames on which they were marked.
+//! `trocar palette --check`: compares the marked colours with each other and with the frames on which they were marked,
+//! and shows the shafts of tools without tape on these frames.
 
+use std::fs::File;
 use std::path::Path;
 
 use anyhow::{Context, anyhow};
 
+use serde::Serialize;
+
 use super::{CommandFailure, print_result};
 use crate::analysis::marked::{MarkedFrames, group_into_strokes};
 use crate::commands::table::TextTable;
-use crate::commands::track::{about, open, read, rectangle};
+use crate::commands::track::{about, read, rectangle, tools};
 use crate::domain::files::annotations::AnnotationsFile;
-use crate::domain::palette::{ColourGrade, ColourVerdict, ConfusionRow, PaletteReport};
-use crate::media::MediaError;
+use crate::domain::palette::{ColourGrade, ColourVerdict, ConfusionRow, PaletteReport, ShaftOnFrame};
+use crate::media::{MediaError, MediaLimits, Picture, VideoFile, photo};
+
+/// The result as JSON.
+#[derive(Serialize)]
+struct CheckDocument {
+    #[serde(flatten)]
+    report: PaletteReport,
+    /// The shafts of tools without tape on the marked frames.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    shafts: Vec<ShaftOnFrame>,
+}
 
 /// Runs the command. A bad colour is a failure, reported after the table.
 pub fn run(annotations: &Path, video: Option<&Path>, json: bool) -> Result<(), CommandFailure> {
     let marked = AnnotationsFile::parse(&read(annotations)?).map_err(|e| about(annotations, e))?;
-    let report = report(&marked, annotations, video)?;
-    let text =
-        if json { serde_json::to_string_pretty(&report).context("writing JSON")? + "\n" } else { text_of(&report) };
+    let checked = check(&marked, annotations, video)?;
+    let text = match json {
+        true => serde_json::to_string_pretty(&checked).context("writing JSON")? + "\n",
+        false => text_of(&checked.report) + &text_of_shafts(&checked.shafts),
+    };
     print_result(&text)?;
-    let bad = report.verdicts.iter().filter(|verdict| verdict.grade == ColourGrade::Bad);
+    let bad = checked.report.verdicts.iter().filter(|verdict| verdict.grade == ColourGrade::Bad);
     let bad: Vec<String> = bad.map(|verdict| format!("`{}`", verdict.tool)).collect();
     if bad.is_empty() {
         return Ok(());
@@ -31,7 +47,43 @@ pub fn run(annotations: &Path, video: Option<&Path>, json: bool) -> Result<(), C
     )))
 }
 
-fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) -> Result<PaletteReport, CommandFailure> {
+/// What the marks are on: a clip, or one photo.
+enum MarkedClip {
+    Video(Box<VideoFile>),
+    /// `None` once it was shown.
+    Photo(Option<Picture>),
+}
+
+impl MarkedClip {
+    fn open(path: &Path) -> Result<Self, CommandFailure> {
+        let limits = MediaLimits::default();
+        let file = File::open(path).map_err(|e| about(path, e))?;
+        match photo::picture_of_photo(&file, limits).map_err(|e| about(path, e))? {
+            Some(picture) => Ok(Self::Photo(Some(picture))),
+            None => Ok(Self::Video(Box::new(VideoFile::open(file, limits).map_err(|e| about(path, e))?))),
+        }
+    }
+
+    /// Width and height, pixels.
+    fn size(&self) -> (u32, u32) {
+        match self {
+            Self::Video(video) => (video.info().width, video.info().height),
+            Self::Photo(photo) => photo.as_ref().map_or((0, 0), |photo| {
+                let frame = photo.frame();
+                (frame.width() as u32, frame.height() as u32)
+            }),
+        }
+    }
+
+    fn next_picture(&mut self) -> Result<Option<Picture>, MediaError> {
+        match self {
+            Self::Video(video) => video.next_picture(),
+            Self::Photo(photo) => Ok(photo.take()),
+        }
+    }
+}
+
+fn check(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) -> Result<CheckDocument, CommandFailure> {
     let folder = annotations.parent().unwrap_or(Path::new("."));
     let named = marked.video.as_ref().map(|name| folder.join(name));
     let path = named.as_deref().or(video).ok_or_else(|| {
@@ -40,20 +92,21 @@ fn report(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) ->
             anyhow!("names no `video`; give the video that the frame numbers belong to as the last argument"),
         )
     })?;
-    let mut video = open(path)?;
-    let info = video.info();
-    marked.check_inside(info.width, info.height).map_err(|e| about(annotations, e))?;
+    let mut clip = MarkedClip::open(path)?;
+    let (width, height) = clip.size();
+    marked.check_inside(width, height).map_err(|e| about(annotations, e))?;
     let mut frames = MarkedFrames::default();
     let last = marked.labels.iter().map(|label| label.frame).max().unwrap_or(0);
     for index in 0..=last {
-        let Some(picture) = video.next_picture().map_err(|e| about(path, e))? else {
+        let Some(picture) = clip.next_picture().map_err(|e| about(path, e))? else {
             let what = anyhow!("a rectangle is on frame {last}, but {} has only {index} frames", path.display());
             return Err(about(annotations, what));
         };
         let labels = marked.labels.iter().filter(|label| label.frame == index);
         frames.add(picture, group_into_strokes(labels.map(|label| (label.stroke, rectangle(marked, label)))));
     }
-    frames.report(&marked.tape_colours()).ok_or_else(|| about(path, MediaError::NoFrames))
+    let report = frames.report(&marked.tape_colours()).ok_or_else(|| about(path, MediaError::NoFrames))?;
+    Ok(CheckDocument { report, shafts: frames.shafts(&tools(marked, annotations)?) })
 }
 
 fn text_of(report: &PaletteReport) -> String {
@@ -70,6 +123,40 @@ fn text_of(report: &PaletteReport) -> String {
     text += &verdict_table(report);
     let warnings: String = report.warnings.iter().map(|warning| format!("{warning}\n")).collect();
     if warnings.is_empty() { text } else { text + "\n" + &warnings }
+}
+
+/// The shafts of tools without tape; empty without any.
+fn text_of_shafts(shafts: &[ShaftOnFrame]) -> String {
+    if shafts.is_empty() {
+        return String::new();
+    }
+    let mut table = TextTable::new(["tool", "frame", "one edge", "other edge", "seen", "end"]);
+    let place = |[x, y]: [f64; 2]| format!("{x:.1},{y:.1}");
+    for ShaftOnFrame { frame, tool, edges_px, edges_shown, end_px, reason } in shafts {
+        let [one, other] = edges_px.map_or([const { String::new() }; 2], |edges| {
+            edges.map(|[from, to]| format!("{} to {}", place(from), place(to)))
+        });
+        let shown = edges_shown.map_or(String::new(), |shown| format!("{:.0} %", 100.0 * shown));
+        let end = end_px.map_or(reason.clone().unwrap_or_default(), place);
+        table.add_row([tool.clone(), frame.to_string(), one, other, shown, end]);
+    }
+    let mut reasons: Vec<&str> = shafts.iter().filter_map(|shaft| shaft.reason.as_deref()).collect();
+    reasons.sort_unstable();
+    reasons.dedup();
+    let reasons: String = reasons.into_iter().map(|reason| format!("{reason}: {}\n", why(reason))).collect();
+    format!("\nThe shafts without tape, each frame looked at alone, x,y in pixels:\n{}{reasons}", table.to_text())
+}
+
+/// Why a shaft or its end was not found, and what to do.
+fn why(reason: &str) -> &'static str {
+    match reason {
+        "no_marker_colour" => {
+            "nothing straight of the marked colour comes from the tool's side; mark darker and brighter pieces of the shaft"
+        }
+        "tip_hidden" => "the end is hidden, outside the picture, or looks like what lies ahead of it",
+        "other_tools_band" => "the only shaft in sight is the other tool's; check the tools' sides",
+        _ => "its edges hardly differ from what is behind them; cover dark things in the box, or use tape",
+    }
 }
 
 fn confusion_table(report: &PaletteReport) -> String {

@@ -17,10 +17,12 @@ pub struct PaletteArgs {
     /// Rank tapes for this empty box: a photo (JPEG, PNG) or a video; only the first frame of a video is used.
     #[arg(long, value_name = "FRAME_OR_VIDEO", required_unless_present = "check", conflicts_with = "check")]
     advise: Option<PathBuf>,
-    /// Check the colours that are marked in these annotations.
+    /// Check the colours that are marked in these annotations, and show the shafts of tools without tape on the marked
+    /// frames.
     #[arg(long, value_name = "ANNOTATIONS")]
     check: Option<PathBuf>,
-    /// With --check: the video that the annotations' frame numbers belong to; needed if they do not name it.
+    /// With --check: the video that the annotations' frame numbers belong to, or a photo, which is frame 0; needed if
+    /// they do not name it.
     #[arg(value_name = "VIDEO", requires = "check")]
     video: Option<PathBuf>,
     /// Print JSON.

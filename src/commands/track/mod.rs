@@ -365,7 +365,8 @@ pub(super) fn rectangle(marked: &AnnotationsFile, label: &LabelledRectangle) -> 
     MarkedRectangle { label: marked.colour_of(&label.label).to_owned(), x, y, w, h }
 }
 
-fn tools(marked: &AnnotationsFile, path: &Path) -> Result<Vec<ToolSpec>, CommandFailure> {
+/// The tools that the annotations name.
+pub(super) fn tools(marked: &AnnotationsFile, path: &Path) -> Result<Vec<ToolSpec>, CommandFailure> {
     let tools = marked.marked_tools().map_err(|e| about(path, e))?;
     Ok(tools.into_iter().map(ToolSpec::from).collect())
 }

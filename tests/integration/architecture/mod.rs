@@ -89,7 +89,7 @@ const STAGES: [&[&str]; 10] = [
     &["pose"],
     &["filter"],
     &["trajectory"],
-    &["reference"],
+    &["reference", "still"],
     &["tracker"],
 ];
 

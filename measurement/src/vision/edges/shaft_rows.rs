@@ -66,13 +66,11 @@ struct RowReader<'a, V> {
 
 impl<V: Fn(Point3<f64>, Pixel) -> bool> RowReader<'_, V> {
     fn row(&self, back_mm: f64) -> ShaftRow {
-        let borders = BorderSide::BOTH.map(|side| {
-            let sign = if side == BorderSide::First { -1.0 } else { 1.0 };
-            let inside = mean(JUST_INSIDE.map(|across| self.on_shaft(back_mm, sign * across)))?;
-            Some([inside, mean(JUST_OUTSIDE_PX.map(|px| self.beside(back_mm, side, px)))?])
-        });
-        let inside = STRIPES.map(|stripe| mean(stripe.map(|across| self.on_shaft(back_mm, across))));
-        ShaftRow { back_mm, borders, inside }
+        let beside = |sign: f64, px: f64| {
+            let side = if sign < 0.0 { BorderSide::First } else { BorderSide::Second };
+            self.beside(back_mm, side, px)
+        };
+        row_of(back_mm, |radii| self.on_shaft(back_mm, radii), beside)
     }
 
     fn on_shaft(&self, back_mm: f64, radii: f64) -> Option<Codes> {
@@ -91,7 +89,23 @@ impl<V: Fn(Point3<f64>, Pixel) -> bool> RowReader<'_, V> {
     }
 }
 
-fn mean<const N: usize>(codes: [Option<Codes>; N]) -> Option<Codes> {
+/// The row at a distance behind the tip. `on_shaft` has the codes at a distance from the middle, radii, and `beside`
+/// those this many pixels beyond the first (−1) or second (1) border.
+pub fn row_of(
+    back_mm: f64,
+    on_shaft: impl Fn(f64) -> Option<Codes>,
+    beside: impl Fn(f64, f64) -> Option<Codes>,
+) -> ShaftRow {
+    let borders = [-1.0, 1.0].map(|sign| {
+        let inside = mean(JUST_INSIDE.map(|radii| on_shaft(sign * radii)))?;
+        Some([inside, mean(JUST_OUTSIDE_PX.map(|px| beside(sign, px)))?])
+    });
+    let inside = STRIPES.map(|stripe| mean(stripe.map(&on_shaft)));
+    ShaftRow { back_mm, borders, inside }
+}
+
+/// The mean of all codes; `None` if one is missing.
+pub fn mean<const N: usize>(codes: [Option<Codes>; N]) -> Option<Codes> {
     let mut sum = [0.0; 3];
     for codes in codes {
         let codes = codes?;
@@ -101,7 +115,7 @@ fn mean<const N: usize>(codes: [Option<Codes>; N]) -> Option<Codes> {
 }
 
 /// The codes between the pixels' centres, linear in both directions; `None` outside the picture.
-fn codes_at(frame: &Frame<'_>, at: Pixel) -> Option<Codes> {
+pub fn codes_at(frame: &Frame<'_>, at: Pixel) -> Option<Codes> {
     let [first_x, first_y] = frame.chroma_first_px.map(f64::from);
     let (wide, high) = (f64::from(1u32 << frame.shift_x), f64::from(1u32 << frame.shift_y));
     let chroma = |plane| between(plane, (at.u() - first_x) / wide, (at.v() - first_y) / high);

@@ -14,6 +14,9 @@ const SAME_SURFACE_CODES: f32 = 8.0;
 const QUANTISATION_CODES: f32 = 2.0;
 /// Weight of a sample that is certainly shaft: a cell that is always covered keeps its plain median.
 const LEAST_WEIGHT: f32 = 1e-3;
+/// Share of the difference from the background in the evidence of a cell that looks like the shaft: it may be a tool
+/// that never moves. A still does not show its background there at all.
+const LIKE_SHAFT_SHARE: f32 = 0.5;
 /// Least luma for ratios of luma, codes.
 const LEAST_LUMA: f32 = 8.0;
 
@@ -34,6 +37,8 @@ pub struct Background {
     usual: Vec<[f32; 3]>,
     /// Does the cell look like the shaft without any tool?
     like_shaft: Vec<bool>,
+    /// Share of the difference from the background in the evidence of such a cell.
+    like_shaft_share: f32,
     /// Noise of each channel: standard deviation, codes.
     noise: [f32; 3],
 }
@@ -56,7 +61,11 @@ impl Background {
             }));
             usual_codes(&mut samples)
         });
-        Some(Self::new(grid, usual.collect(), frames, shaft, any))
+        let mut background = Self::new(grid, usual.collect(), frames, shaft, any);
+        if frames.len() == 1 {
+            background.like_shaft_share = 0.0;
+        }
+        Some(background)
     }
 
     /// From the picture of the empty box. Its exposure may differ from the recording's: its luma is scaled by the
@@ -92,7 +101,7 @@ impl Background {
             });
             1.4826 * median(off.collect()).unwrap_or(0.0) + QUANTISATION_CODES
         });
-        Self { grid, usual, like_shaft, noise }
+        Self { grid, usual, like_shaft, like_shaft_share: LIKE_SHAFT_SHARE, noise }
     }
 
     /// The cells.
@@ -149,6 +158,11 @@ impl Background {
     /// Does the cell look like the shaft without any tool?
     pub fn is_like_shaft(&self, cell: usize) -> bool {
         self.like_shaft[cell]
+    }
+
+    /// Share of the difference from the background in the evidence of a cell. The colour alone is the rest.
+    pub fn share_of_difference(&self, cell: usize) -> f32 {
+        if self.like_shaft[cell] { self.like_shaft_share } else { 1.0 }
     }
 
     /// Log density of these codes in a cell that no shaft covers; `any` is their log density anywhere.
@@ -242,6 +256,15 @@ mod tests {
     fn background(covered: usize) -> Background {
         let frames = frames(covered);
         Background::from_frames(&frames, &shaft(), &AnyColour::new(&frames)).unwrap()
+    }
+
+    #[test]
+    fn a_still_does_not_show_what_its_shafts_cover() {
+        let share = |frames: &[CellPicture]| {
+            Background::from_frames(frames, &shaft(), &AnyColour::new(frames)).unwrap().share_of_difference(0)
+        };
+        let covered = frames(10);
+        assert_eq!([share(&covered[..1]), share(&covered), share(&frames(9))], [0.0, LIKE_SHAFT_SHARE, 1.0]);
     }
 
     #[test]

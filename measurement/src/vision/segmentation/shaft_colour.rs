@@ -12,6 +12,9 @@ const SPREAD_SHARE: f64 = 0.2;
 /// How far it reaches beyond the marked codes, towards black and towards white, codes: gloss adds up to a quarter of
 /// the range.
 const SPREAD_CODES: (f64, f64) = (40.0, 60.0);
+/// Share of a still's luma that is in shade: a tube mirrors what is around it, so its unlit parts are darker than the
+/// marked ones by any factor, down to black. More than highlights, because the largest part of a tube is not lit.
+const SHADE_SHARE: f64 = 0.3;
 /// Blur of the luma's histogram: standard deviation, codes.
 const LUMA_BLUR: f64 = 12.0;
 /// Standard deviation that is added to the chroma's: that of a cell's mean by chroma subsampling and quantisation, codes.
@@ -26,6 +29,8 @@ const LEAST_DENSITY: f64 = 1e-6;
 pub struct ShaftColour {
     luma: [f32; 256],
     chroma: [f32; 2],
+    /// Luma below which the chroma shrinks in proportion, as it does in shade; 0 without shade.
+    shade_luma: f32,
     /// Of each chroma channel, divided by the degrees of freedom.
     scale: [f32; 2],
     normaliser: f32,
@@ -34,6 +39,15 @@ pub struct ShaftColour {
 impl ShaftColour {
     /// From the codes of marked pixels; `None` without any.
     pub fn new(pixels: &[[u8; 3]]) -> Option<Self> {
+        Self::with_shade(pixels, 0.0)
+    }
+
+    /// The same for a still. Its marks may be of another picture, and show only lit parts of the shaft.
+    pub fn in_shade_too(pixels: &[[u8; 3]]) -> Option<Self> {
+        Self::with_shade(pixels, SHADE_SHARE)
+    }
+
+    fn with_shade(pixels: &[[u8; 3]], shade_share: f64) -> Option<Self> {
         if pixels.is_empty() {
             return None;
         }
@@ -52,7 +66,16 @@ impl ShaftColour {
         let spread = |code: usize| {
             if (bottom..=top).contains(&(code as f64)) { 1.0 / (top + 1.0 - bottom) } else { 0.0 }
         };
-        let density = |code: usize| (1.0 - SPREAD_SHARE) * blurred[code] + SPREAD_SHARE * spread(code) + LEAST_DENSITY;
+        let mut shade = [0.0; 256];
+        for (code, share) in histogram.iter().enumerate().filter(|(_, share)| **share > 0.0) {
+            shade[..=code].iter_mut().for_each(|density| *density += share / (code + 1) as f64);
+        }
+        let density = |code: usize| {
+            (1.0 - SPREAD_SHARE - shade_share) * blurred[code]
+                + SPREAD_SHARE * spread(code)
+                + shade_share * shade[code]
+                + LEAST_DENSITY
+        };
         let mut chroma = [0.0; 2];
         let mut variance = [0.0; 2];
         for part in 0..2 {
@@ -66,6 +89,7 @@ impl ShaftColour {
         Some(Self {
             luma: std::array::from_fn(|code| density(code).ln() as f32),
             chroma: chroma.map(|code| code as f32),
+            shade_luma: if shade_share > 0.0 { at(&luma, 0.05) as f32 } else { 0.0 },
             scale: variance.map(|variance| (1.0 / (variance * FREEDOM)) as f32),
             normaliser: normaliser as f32,
         })
@@ -79,7 +103,10 @@ impl ShaftColour {
     /// Log density of these codes on the shaft.
     pub fn log_density(&self, codes: [f32; 3]) -> f32 {
         const POWER: f32 = (0.5 * (FREEDOM + 2.0)) as f32;
-        let distance: f32 = (0..2).map(|part| (codes[part + 1] - self.chroma[part]).powi(2) * self.scale[part]).sum();
+        const GREY: f32 = 128.0;
+        let light = if codes[0] < self.shade_luma { codes[0] / self.shade_luma } else { 1.0 };
+        let usual = |part: usize| GREY + light * (self.chroma[part] - GREY);
+        let distance: f32 = (0..2).map(|part| (codes[part + 1] - usual(part)).powi(2) * self.scale[part]).sum();
         self.luma[codes[0].clamp(0.0, 255.0) as usize] + self.normaliser - POWER * distance.ln_1p()
     }
 }
@@ -163,6 +190,17 @@ mod tests {
         let [marked, highlight, orange] =
             [[35.0, 127.0, 129.0], [85.0, 127.0, 129.0], [85.0, 90.0, 180.0]].map(|codes| colour.log_density(codes));
         assert!(marked > highlight + 1.0 && highlight > orange + 5.0, "{marked} {highlight} {orange}");
+    }
+
+    #[test]
+    fn in_a_still_unlit_parts_of_the_shaft_are_black_and_not_coloured() {
+        let pixels: Vec<[u8; 3]> = (0..200).map(|i| [40 + (i % 20) as u8, 122, 136]).collect();
+        let still = ShaftColour::in_shade_too(&pixels).unwrap();
+        let [unlit, coloured] = [[4.0, 127.0, 129.0], [4.0, 122.0, 136.0]].map(|codes| still.log_density(codes));
+        assert!(unlit > ShaftColour::new(&pixels).unwrap().log_density([4.0, 127.0, 129.0]) + 2.0);
+        assert!(unlit > coloured + 1.0, "{unlit} {coloured}");
+        let sum: f32 = still.luma.iter().map(|log| log.exp()).sum();
+        assert!((0.9..1.05).contains(&sum), "{sum}");
     }
 
     #[test]

@@ -41,15 +41,16 @@ impl ShaftAppearance {
     }
 
     /// Evidence in each cell, nats, from −[`MAX_EVIDENCE`] to [`MAX_EVIDENCE`]. Where the empty box looks like the
-    /// shaft, it may be a tool that never moves: there the colour alone and the difference from the background count
-    /// half each.
+    /// shaft, it may be a tool that never moves: there the colour alone counts, too
+    /// ([`Background::share_of_difference`]).
     pub fn evidence(&self, cells: &CellPicture) -> Vec<f32> {
         let of_cell = |(cell, codes): (usize, &[u8; 3])| {
             let codes = codes.map(f32::from);
             let (shaft, any) = (self.shaft.log_density(codes), self.any.log_density(codes));
             let limited = |ratio: f32| ratio.clamp(-MAX_EVIDENCE, MAX_EVIDENCE);
             let different = limited(shaft - self.background.log_density(cell, codes, any));
-            if self.background.is_like_shaft(cell) { 0.5 * (different + limited(shaft - any)) } else { different }
+            let share = self.background.share_of_difference(cell);
+            share * different + (1.0 - share) * limited(shaft - any)
         };
         cells.codes.iter().enumerate().map(of_cell).collect()
     }
