@@ -109,8 +109,8 @@ impl Labels {
 
 #[test]
 fn shafts_of_real_pictures_are_where_people_saw_them() {
-    /// Distance of the jaws' joint ahead of the shaft's end in these pictures, as a share of its width: the joint is not
-    /// measured.
+    /// Distance of the jaws' joint ahead of the shaft's end in these pictures, as a share of its width: the joint
+    /// is not measured.
     const JOINT_AHEAD: f64 = 0.5;
     let Some(folder) = shared("data/lask") else { return };
     let (mut off_edges, mut off_joints) = (Vec::new(), Vec::new());

@@ -151,7 +151,7 @@ fn text_of_shafts(shafts: &[ShaftOnFrame]) -> String {
 fn why(reason: &str) -> &'static str {
     match reason {
         "no_marker_colour" => {
-            "nothing straight of the marked colour comes from the tool's side; mark darker and brighter pieces of the shaft"
+            "nothing straight of the marked colour comes from the tool's side; mark more of the shaft"
         }
         "tip_hidden" => "the end is hidden, outside the picture, or looks like what lies ahead of it",
         "other_tools_band" => "the only shaft in sight is the other tool's; check the tools' sides",

@@ -1,8 +1,8 @@
-//! The end of a shaft between its borders in a still: where its look changes all across it, or where its full width ends.
+//! The end of a shaft between its borders in a still: where its look changes all across it, or its full width ends.
 //!
-//! **In** the frame, the borders as lines. **Out** the place along the lines. **Method** Rows across the shaft, as in a
-//! recording. In a still the borders are known along the whole shaft, so a weaker step of the colour than there shows the
-//! end: jaws of steel mirror dark things, too. Five lanes along the shaft are compared, two inside the borders and three
+//! **In** the frame, the borders as lines. **Out** the places along the lines. **Method** Rows across the shaft, as in
+//! a recording. In a still the borders are known along the whole shaft, so a weaker step of the colour shows the end:
+//! jaws of steel mirror dark things, too. Five lanes along the shaft are compared, two inside the borders and three
 //! between them. Where the shaft's look ends on most of them, and neither it nor the borders continue ahead, the shaft
 //! ends. Its rim is half an ellipse: the borders' lanes end less far ahead, or behind, than the middle one. Jaws in the
 //! shaft's own colour have no such step: there the full width ends. Without a camera, lengths along the shaft are in
@@ -208,7 +208,7 @@ impl<'a> LookEnds<'a> {
         const MIN_LANES: usize = 3;
         /// Largest distance of a lane's end from the ellipse, diameters.
         const MAX_OFF: f64 = 0.2;
-        /// How far behind the borders the middle may end, diameters: it lies ahead, unless the tool leans to the camera.
+        /// How far behind the borders the middle may end, diameters: tools lean away from the camera.
         const MAX_BEHIND: f64 = 0.2;
         let mut ends: Vec<[f64; 2]> =
             (0..LANES).filter_map(|lane| Some([BULGES[lane], self.crossing(lane, row)?])).collect();
@@ -285,8 +285,8 @@ impl<'a> LookEnds<'a> {
     }
 }
 
-/// Where the borders of a rim end, and how much farther its middle, from the ends of lanes `[bulge, end]`: least squares,
-/// with the usual size of a bulge in view.
+/// Where the borders of a rim end, and how much farther its middle, from the ends of lanes `[bulge, end]`: least
+/// squares, with the usual size of a bulge in view.
 fn rim_of(ends: &[[f64; 2]]) -> Option<[f64; 2]> {
     /// Variance of a lane's end over that of the bulge: a tenth of the diameter, and leans of any angle.
     const RATIO: f64 = 0.1;
