@@ -74,8 +74,14 @@ impl BandFit<'_> {
     }
 
     /// Does a thing lie across the end? It is wider than the tool: beside the place ahead of the end, the box hardly shows
-    /// on either side.
+    /// on either side. What may be the box in shade is a thing, too, if no hinge shows.
     fn is_end_covered(&self, tube: &Tube) -> bool {
+        self.is_box_hidden_beside(tube, |strips, at| strips.shows_box(at))
+            || (self.is_box_hidden_beside(tube, |strips, at| strips.shows_lit_box(at)) && !self.shows_hinge(tube))
+    }
+
+    /// Does the box hardly show beside the place ahead of the end, on either side?
+    fn is_box_hidden_beside(&self, tube: &Tube, shows: impl Fn(&FrameStrips<'_>, Pixel) -> Option<bool>) -> bool {
         /// Distances from the axis, radii.
         const BESIDE_RADII: [f64; 2] = [1.5, 1.9];
         let (Some(strips), Some(outline)) = (self.scene.strips, tube.outline()) else { return false };
@@ -84,7 +90,7 @@ impl BandFit<'_> {
             let Some([one, other]) = self.borders_px(&outline, -diameters * self.spec.diameter_mm) else { continue };
             let (middle, half) = (nalgebra::center(&one, &other), (one - other) * 0.5);
             let beside = BESIDE_RADII.into_iter().flat_map(|radii| [middle + half * radii, middle - half * radii]);
-            hidden.extend(beside.filter_map(|at| Some(!strips.shows_box(Pixel(at))?)));
+            hidden.extend(beside.filter_map(|at| Some(!shows(strips, Pixel(at))?)));
         }
         is_mostly(&hidden, 2.0 / 3.0)
     }
@@ -198,6 +204,12 @@ impl BandFit<'_> {
     /// is seen between open black jaws.
     fn shows_jaws(&self, tube: &Tube, back_mm: f64) -> bool {
         !is_mostly(&self.seen_about(tube, back_mm, |strips, [_, ahead]| strips.shows_box(ahead)), 1.0 / 3.0)
+    }
+
+    /// Does a hinge show ahead of the end, if the tool has one?
+    fn shows_hinge(&self, tube: &Tube) -> bool {
+        let Some(rows) = self.rows_across(tube) else { return true };
+        !self.spec.has_jaws() || shaft_end::shows_hinge(&rows, self.spec.diameter_mm)
     }
 
     /// Does a part of the box lie before the end, such as a peg? The box shows where the jaws must be, and it changes at the
@@ -356,12 +368,13 @@ mod tests {
         Frame { index, time_s, y, u, v, shift_x, shift_y, chroma_first_px, encoding }
     }
 
-    /// Is the end of a tube before an even mat covered, if a ring of this radius (mm) lies about it?
-    fn is_covered_by_ring(radius_mm: f64) -> bool {
+    /// Is the end of a tube before an even mat covered, if a ring of this radius (mm) and luma lies about it?
+    fn is_covered_by_ring(radius_mm: f64, ring: u8) -> bool {
         let tip_px = CAMERA.project(CameraPoint(tube().tip)).unwrap().0;
         let radius_px = radius_mm * CAMERA.fx / tube().tip.z;
         let is_ring = |at: Point2<f64>| nalgebra::distance(&at, &tip_px) < radius_px;
-        let luma = |at| if is_ring(at) { 220 } else { MAT };
+        let jaws = jaws_of(230);
+        let luma = |at| if is_ring(at) { ring } else { jaws(at) };
         with_fit(&two_bare_tools(), luma, |fit| fit.is_end_covered(&tube()))
     }
 
@@ -410,8 +423,10 @@ mod tests {
 
     #[test]
     fn a_thing_wider_than_the_tool_covers_its_end() {
-        assert!(is_covered_by_ring(8.0));
-        assert!(!is_covered_by_ring(2.5), "no wider than the tool");
+        for luma in [220, MAT - 40] {
+            assert!(is_covered_by_ring(8.0, luma), "luma {luma}, which may be that of the mat in shade");
+            assert!(!is_covered_by_ring(2.5, luma), "no wider than the tool");
+        }
     }
 
     /// Jaws of this luma ahead of the tube, as wide as it.
