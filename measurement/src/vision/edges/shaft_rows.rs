@@ -1,6 +1,7 @@
 //! Reads the colours of a bare shaft in rows across it: just inside and outside both borders, and between them.
 
 use std::f64::consts::FRAC_PI_2;
+use std::ops::Range;
 
 use nalgebra::{Point3, Vector2, Vector3};
 
@@ -167,6 +168,32 @@ fn between<const N: usize>(planes: [&Plane<'_>; N], x: f64, y: f64) -> Option<[f
     }))
 }
 
+/// One border in the rows that show it.
+pub struct SeenBorder {
+    codes: Vec<[Codes; 2]>,
+    /// How many of the rows before a row show it; the last number is that before the end.
+    before: Vec<usize>,
+}
+
+impl SeenBorder {
+    /// The border of this side.
+    pub fn of(rows: &[ShaftRow], side: usize) -> Self {
+        let (mut codes, mut before) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len() + 1));
+        for row in rows {
+            before.push(codes.len());
+            codes.extend(row.borders[side]);
+        }
+        before.push(codes.len());
+        Self { codes, before }
+    }
+
+    /// The border in these rows; `None` if there are no such rows, or if a third of them do not show it.
+    pub fn within(&self, rows: Range<usize>) -> Option<&[[Codes; 2]]> {
+        let seen = &self.codes[*self.before.get(rows.start)?..*self.before.get(rows.end)?];
+        (3 * seen.len() >= 2 * rows.len()).then_some(seen)
+    }
+}
+
 /// Mean colour; `None` of none.
 pub fn mean_codes(codes: impl Iterator<Item = Codes>) -> Option<Codes> {
     let (count, sum) = codes.fold((0.0, [0.0; 3]), |(count, sum): (f64, Codes), codes| {
@@ -245,5 +272,20 @@ mod tests {
                 expect(Some(inside), seen(outline.rim(row.back_mm, sign * 0.86f64.asin() / FRAC_PI_2)));
             }
         }
+    }
+
+    #[test]
+    fn a_border_that_a_third_of_the_rows_hide_is_not_seen_in_them() {
+        let row = |i: usize| ShaftRow {
+            back_mm: 0.0,
+            borders: [(i % 3 != 1).then_some([[i as f64; 3]; 2]), None],
+            inside: [None; 3],
+        };
+        let rows: Vec<ShaftRow> = (0..9).map(row).collect();
+        let [one, other] = [0, 1].map(|side| SeenBorder::of(&rows, side));
+        let first = |rows: Range<usize>| one.within(rows).map(|codes| (codes.len(), codes[0][0][0]));
+        assert_eq!(first(3..9), Some((4, 3.0)));
+        assert_eq!([first(3..5), first(8..10)], [None, None], "one of two is hidden, and one row is none");
+        assert!(other.within(0..9).is_none());
     }
 }
