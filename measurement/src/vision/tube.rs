@@ -155,6 +155,26 @@ impl Outline {
         ahead_mm < JAWS_MM && there.z > 0.0 && there.z < depth_mm
     }
 
+    /// Can the tube, with its jaws, hide a point of the convex body with these corners? The border where all of them lie
+    /// beside the tube is one where the whole body does, because a point's distance from a plane, and its own from the
+    /// camera, are convex.
+    pub fn may_hide(&self, corners: &[Point3<f64>], margin: f64) -> bool {
+        /// Keeps the rounding of [`Self::hides`] from mattering, radians.
+        const SURELY: f64 = 1e-9;
+        let is_beside = |normal: &Vector3<f64>, corner: &Point3<f64>| {
+            normal.dot(&corner.coords) < -(margin + SURELY) * corner.coords.norm()
+        };
+        !self.normals.iter().any(|normal| corners.iter().all(|corner| is_beside(normal, corner)))
+    }
+
+    /// Corners of a convex body around the near half of the tube, between two distances behind the tip.
+    pub fn hull(&self, backs_mm: [f64; 2]) -> [Point3<f64>; 8] {
+        let [first, second] = BorderSide::BOTH;
+        let nearer = self.towards_camera * self.tube.radius;
+        let [[a, b], [c, d]] = backs_mm.map(|back_mm| [first, second].map(|side| self.border(side, back_mm)));
+        [a, b, c, d, a + nearer, b + nearer, c + nearer, d + nearer]
+    }
+
     /// Unit normal of the plane through the camera that touches the tube at a border; it points to the side of the
     /// tube.
     pub fn normal(&self, side: BorderSide) -> Vector3<f64> {
@@ -163,7 +183,7 @@ impl Outline {
 
     /// Point of a border on the tube, `back_mm` behind the tip.
     pub fn border(&self, side: BorderSide, back_mm: f64) -> Point3<f64> {
-        self.tube.tip - self.tube.axis * back_mm - self.normal(side) * self.tube.radius
+        self.on_axis(back_mm) - self.normal(side) * self.tube.radius
     }
 
     /// The corners of a band of this length on the borders, first the distal ones.
@@ -176,9 +196,18 @@ impl Outline {
     /// Point on the near half of the circle `back_mm` behind the tip. `across` goes from −1 (first border) through 0
     /// (midline) to 1 (second border).
     pub fn rim(&self, back_mm: f64, across: f64) -> Point3<f64> {
+        self.on_axis(back_mm) + self.from_axis(across)
+    }
+
+    /// Point of the axis, `back_mm` behind the tip.
+    pub fn on_axis(&self, back_mm: f64) -> Point3<f64> {
+        self.tube.tip - self.tube.axis * back_mm
+    }
+
+    /// From the axis to a point on the near half of the circle, mm. `across` is as in [`Self::rim`].
+    pub fn from_axis(&self, across: f64) -> Vector3<f64> {
         let (sin, cos) = (across * self.half_angle).sin_cos();
-        let outwards = self.towards_camera * cos + self.sideways * sin;
-        self.tube.tip - self.tube.axis * back_mm + outwards * self.tube.radius
+        (self.towards_camera * cos + self.sideways * sin) * self.tube.radius
     }
 
     /// Point where the tape ends in the picture, at a band's end `back_mm` behind the tip: on its rim, or, if the camera
@@ -219,6 +248,35 @@ mod tests {
                 prop_assert!((outline.rim(7.0, across) - outline.border(side, 7.0)).norm() < 1e-9);
             }
         }
+    }
+
+    proptest! {
+        #[test]
+        fn what_may_not_hide_a_hull_hides_no_place_of_its_tube(
+            tips in [[-60.0..60.0f64, -60.0..60.0, 80.0..300.0], [-60.0..60.0f64, -60.0..60.0, 80.0..300.0]],
+            leans in [[-1.0..1.0f64, -1.0..1.0, -1.0..1.0], [-1.0..1.0f64, -1.0..1.0, -1.0..1.0]],
+            (back_mm, across) in (-35.0..70.0f64, -1.0..1.0f64),
+        ) {
+            const MARGIN: f64 = 0.003;
+            prop_assume!(leans.iter().all(|lean| Vector3::from(*lean).norm() > 0.1));
+            let tube = |i: usize| Tube {
+                tip: Point3::from(tips[i]),
+                axis: Vector3::from(leans[i]).normalize(),
+                radius: 2.5,
+            };
+            let [Some(tool), Some(other)] = [0, 1].map(|i| tube(i).outline()) else { return Ok(()) };
+            let place = tool.rim(back_mm, across);
+            let is_hidden = other.hides(place.coords, place.z, MARGIN);
+            prop_assert!(!is_hidden || other.may_hide(&tool.hull([70.0, -35.0]), MARGIN));
+        }
+    }
+
+    #[test]
+    fn a_tool_beside_another_may_hide_nothing_of_it() {
+        let along_x =
+            |y: f64| Tube { tip: Point3::new(0.0, y, 150.0), axis: Vector3::x(), radius: 2.5 }.outline().unwrap();
+        let hull = along_x(0.0).hull([70.0, -35.0]);
+        assert!(along_x(4.0).may_hide(&hull, 0.0) && !along_x(6.0).may_hide(&hull, 0.0));
     }
 
     #[test]

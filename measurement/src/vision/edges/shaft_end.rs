@@ -9,7 +9,7 @@
 //! is seen.
 
 use super::edge_model::EdgeModel;
-use super::shaft_rows::{Codes, ShaftRow, distance, mean_codes, median_distance, stripes};
+use super::shaft_rows::{Codes, SeenBorder, ShaftRow, distance, mean_codes, median_distance, stripes};
 
 /// The end of a shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,21 +105,26 @@ struct UsualCodes {
 }
 
 impl UsualCodes {
-    fn of(all: &[Codes]) -> Option<Self> {
+    /// Of the places just inside a border.
+    fn of(border: &[[Codes; 2]]) -> Option<Self> {
         /// Least standard deviation, codes: noise and compression.
         const MIN_SIGMA: f64 = 2.5;
-        let count = all.len() as f64;
-        let mean = mean_codes(all.iter().copied())?;
+        let count = border.len() as f64;
+        let mean = mean_codes(border.iter().map(|[inside, _]| *inside))?;
         let variance: Codes = std::array::from_fn(|plane| {
-            all.iter().map(|codes| (codes[plane] - mean[plane]).powi(2)).sum::<f64>() / count
+            border.iter().map(|[inside, _]| (inside[plane] - mean[plane]).powi(2)).sum::<f64>() / count
         });
         Some(Self { mean, sigma: variance.map(|variance| variance.sqrt().max(MIN_SIGMA)) })
     }
 
     /// By how much a place just inside a border looks more like the shaft than like what lies outside, nats.
     fn support(&self, [inside, outside]: &[Codes; 2]) -> f64 {
-        let from_shaft = squares(|p| (inside[p] - self.mean[p]) / self.sigma[p]);
+        let from_shaft = sum_of_planes(|p| ((inside[p] - self.mean[p]) / self.sigma[p]).powi(2));
         0.5 * (self.distance_from_outside([inside, outside]) - from_shaft)
+    }
+
+    fn mean_support(&self, border: &[[Codes; 2]]) -> f64 {
+        border.iter().map(|codes| self.support(codes)).sum::<f64>() / border.len() as f64
     }
 
     /// Does the place just inside a border differ from what lies outside?
@@ -130,7 +135,8 @@ impl UsualCodes {
     fn distance_from_outside(&self, [inside, outside]: [&Codes; 2]) -> f64 {
         /// What lies outside changes along the border by this share of its contrast to the shaft.
         const UNEVEN: f64 = 0.25;
-        squares(|p| (inside[p] - outside[p]) / self.sigma[p].hypot(UNEVEN * (self.mean[p] - outside[p])))
+        let variance = |p: usize| self.sigma[p].powi(2) + (UNEVEN * (self.mean[p] - outside[p])).powi(2);
+        sum_of_planes(|p| (inside[p] - outside[p]).powi(2) / variance(p))
     }
 }
 
@@ -139,8 +145,9 @@ impl UsualCodes {
 const MOST_SQUARES: f64 = 12.0;
 
 /// Sum of the planes' squared deviations, limited.
-fn squares(of_plane: impl Fn(usize) -> f64) -> f64 {
-    (0..3).map(|plane| of_plane(plane).powi(2)).sum::<f64>().min(MOST_SQUARES)
+#[inline(always)]
+fn sum_of_planes(square_of: impl Fn(usize) -> f64) -> f64 {
+    (square_of(0) + square_of(1) + square_of(2)).min(MOST_SQUARES)
 }
 
 /// How one border behaves at a place.
@@ -162,6 +169,13 @@ impl BorderEnd {
     }
 }
 
+/// What the piece ahead of a place says about one border.
+struct AheadOfEnd {
+    shaft: UsualCodes,
+    /// Mean support against the shaft, nats.
+    nats: f64,
+}
+
 /// A place where the full width may end.
 struct EndPlace {
     row: usize,
@@ -171,6 +185,7 @@ struct EndPlace {
 struct EndFinder<'a> {
     edges: &'a EdgeModel,
     rows: &'a [ShaftRow],
+    seen: [SeenBorder; 2],
     step_mm: f64,
     diameter_mm: f64,
     compared: usize,
@@ -183,20 +198,23 @@ impl<'a> EndFinder<'a> {
         let step_mm = rows.first()?.back_mm - rows.get(1)?.back_mm;
         let count = |diameters: f64| ((diameters * diameter_mm / step_mm) as usize).max(MIN_ROWS);
         let [compared, last, ahead] = [COMPARED_DIAMETERS, LAST_DIAMETERS, AHEAD_DIAMETERS].map(count);
-        Some(Self { edges, rows, step_mm, diameter_mm, compared, last, ahead })
+        let seen = [0, 1].map(|side| SeenBorder::of(rows, side));
+        Some(Self { edges, rows, seen, step_mm, diameter_mm, compared, last, ahead })
     }
 
     /// The places where both borders may end: the best within a hinge's length of each.
     fn places(&self) -> Vec<EndPlace> {
         let near = (0.25 * self.diameter_mm / self.step_mm).max(3.0) as usize;
-        let all: Vec<Option<[BorderEnd; 2]>> = (0..self.rows.len()).map(|row| self.borders_at(row)).collect();
         let score = |row: usize| {
             let of_both = |borders: [BorderEnd; 2]| borders.iter().flat_map(|border| border.nats).sum::<f64>();
-            all.get(row).copied().flatten().map_or(f64::NEG_INFINITY, of_both)
+            self.borders_at(row).map_or(f64::NEG_INFINITY, of_both)
         };
         let is_best = |row: usize| (row.saturating_sub(near)..=row + near).all(|other| score(other) <= score(row));
         let possible = |row: usize| {
-            let borders = all[row]?;
+            if [0, 1].map(|side| self.ahead_at(side, row)).iter().flatten().all(|ahead| ahead.nats <= MIN_NATS) {
+                return None; // as at most rows: neither border may end
+            }
+            let borders = self.borders_at(row)?;
             let [one, other] = borders;
             let both = one.least() > MIN_NATS && other.least() > MIN_NATS;
             let alone = |seen: BorderEnd, blind: BorderEnd| seen.least() > MIN_NATS_ALONE && blind.is_blind();
@@ -217,17 +235,17 @@ impl<'a> EndFinder<'a> {
     }
 
     fn border_at(&self, side: usize, row: usize) -> Option<BorderEnd> {
+        let behind = self.seen[side].within(row.checked_sub(self.last)?..row)?;
+        let AheadOfEnd { shaft, nats } = self.ahead_at(side, row)?;
+        Some(BorderEnd { shaft, nats: [shaft.mean_support(behind), nats] })
+    }
+
+    fn ahead_at(&self, side: usize, row: usize) -> Option<AheadOfEnd> {
         let last = row.checked_sub(self.last)?;
-        let seen = |rows: &[ShaftRow]| -> Option<Vec<[Codes; 2]>> {
-            let seen: Vec<[Codes; 2]> = rows.iter().filter_map(|row| row.borders[side]).collect();
-            (3 * seen.len() >= 2 * rows.len()).then_some(seen)
-        };
-        let compared = seen(&self.rows[last.checked_sub(self.compared)?..last])?;
-        let behind = seen(&self.rows[last..row])?;
-        let ahead = seen(self.rows.get(row + 1..row + 1 + self.ahead)?)?;
-        let shaft = UsualCodes::of(&compared.iter().map(|[inside, _]| *inside).collect::<Vec<_>>())?;
-        let nats = |rows: &[[Codes; 2]]| rows.iter().map(|row| shaft.support(row)).sum::<f64>() / rows.len() as f64;
-        Some(BorderEnd { shaft, nats: [nats(&behind), -nats(&ahead)] })
+        let compared = self.seen[side].within(last.checked_sub(self.compared)?..last)?;
+        let ahead = self.seen[side].within(row + 1..row + 1 + self.ahead)?;
+        let shaft = UsualCodes::of(compared)?;
+        Some(AheadOfEnd { shaft, nats: -shaft.mean_support(ahead) })
     }
 
     /// Is there a hinge ahead of the place, and no more of the shaft?

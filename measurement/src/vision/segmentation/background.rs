@@ -41,6 +41,8 @@ pub struct Background {
     like_shaft_share: f32,
     /// Noise of each channel: standard deviation, codes.
     noise: [f32; 3],
+    /// Log density of the usual codes themselves in the box as usual.
+    same_normaliser: f32,
 }
 
 /// Largest log density below that of the box's own codes where the box may still show, nats: 3.6 standard deviations of
@@ -101,7 +103,9 @@ impl Background {
             });
             1.4826 * median(off.collect()).unwrap_or(0.0) + QUANTISATION_CODES
         });
-        Self { grid, usual, like_shaft, like_shaft_share: LIKE_SHAFT_SHARE, noise }
+        let [y, u, v]: [f32; 3] = noise;
+        let same_normaliser = -1.5 * std::f32::consts::TAU.ln() - (y * u * v).ln();
+        Self { grid, usual, like_shaft, like_shaft_share: LIKE_SHAFT_SHARE, noise, same_normaliser }
     }
 
     /// The cells.
@@ -167,27 +171,32 @@ impl Background {
 
     /// Log density of these codes in a cell that no shaft covers; `any` is their log density anywhere.
     pub fn log_density(&self, cell: usize, codes: [f32; 3], any: f32) -> f32 {
-        let of_box = self.log_density_of_box(cell, codes);
-        let other = any + OTHER_SHARE.ln();
-        let most = of_box.max(other);
-        most + ((of_box - most).exp() + (other - most).exp()).ln()
+        log_of_sum(self.log_density_of_box(cell, codes), any + OTHER_SHARE.ln())
+    }
+
+    /// A lower bound of [`Self::log_density`]: the part of the box as usual.
+    pub fn least_log_density(&self, cell: usize, codes: [f32; 3]) -> f32 {
+        self.same_log_density(codes, self.usual[cell]) + SAME_SHARE.ln()
     }
 
     /// Log density of these codes in a cell that shows the box itself, lit or in shade.
     pub fn log_density_of_box(&self, cell: usize, codes: [f32; 3]) -> f32 {
         let usual = self.usual[cell];
-        let same = self.same_log_density(codes, usual) + SAME_SHARE.ln();
         let shade = shade_log_density(codes, usual) + SHADE_SHARE.ln();
-        let most = same.max(shade);
-        most + ((same - most).exp() + (shade - most).exp()).ln()
+        log_of_sum(self.least_log_density(cell, codes), shade)
     }
 
     /// Of the background as usual: a Student distribution with four degrees of freedom.
     fn same_log_density(&self, codes: [f32; 3], usual: [f32; 3]) -> f32 {
-        let [y, u, v] = self.noise;
         let squares: f32 = (0..3).map(|part| ((codes[part] - usual[part]) / self.noise[part]).powi(2)).sum();
-        -1.5 * std::f32::consts::TAU.ln() - (y * u * v).ln() - 3.5 * (0.25 * squares).ln_1p()
+        self.same_normaliser - 3.5 * (0.25 * squares).ln_1p()
     }
+}
+
+/// Logarithm of the sum of two numbers with these logarithms.
+fn log_of_sum(one: f32, other: f32) -> f32 {
+    let most = one.max(other);
+    most + (1.0 + (one.min(other) - most).exp()).ln()
 }
 
 /// Is the luma a share of the usual one that shade leaves?

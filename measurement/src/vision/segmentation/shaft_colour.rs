@@ -107,7 +107,12 @@ impl ShaftColour {
         let light = if codes[0] < self.shade_luma { codes[0] / self.shade_luma } else { 1.0 };
         let usual = |part: usize| GREY + light * (self.chroma[part] - GREY);
         let distance: f32 = (0..2).map(|part| (codes[part + 1] - usual(part)).powi(2) * self.scale[part]).sum();
-        self.luma[codes[0].clamp(0.0, 255.0) as usize] + self.normaliser - POWER * distance.ln_1p()
+        self.most_log_density(codes) - POWER * distance.ln_1p()
+    }
+
+    /// Log density of this luma on the shaft with its usual chroma: with any other it is lower.
+    pub fn most_log_density(&self, [luma, ..]: [f32; 3]) -> f32 {
+        self.luma[luma.clamp(0.0, 255.0) as usize] + self.normaliser
     }
 }
 

@@ -46,6 +46,12 @@ impl ShaftAppearance {
     pub fn evidence(&self, cells: &CellPicture) -> Vec<f32> {
         let of_cell = |(cell, codes): (usize, &[u8; 3])| {
             let codes = codes.map(f32::from);
+            let is_like_shaft = self.background.is_like_shaft(cell);
+            // Most cells clearly show the box. There the limit is reached without the exact densities.
+            let most = self.shaft.most_log_density(codes) - self.background.least_log_density(cell, codes);
+            if most <= -MAX_EVIDENCE && !is_like_shaft {
+                return -MAX_EVIDENCE;
+            }
             let (shaft, any) = (self.shaft.log_density(codes), self.any.log_density(codes));
             let limited = |ratio: f32| ratio.clamp(-MAX_EVIDENCE, MAX_EVIDENCE);
             let different = limited(shaft - self.background.log_density(cell, codes, any));
@@ -53,5 +59,35 @@ impl ShaftAppearance {
             share * different + (1.0 - share) * limited(shaft - any)
         };
         cells.codes.iter().enumerate().map(of_cell).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::segmentation::cells::CellGrid;
+
+    #[test]
+    fn a_cell_that_clearly_shows_the_box_has_the_evidence_of_the_exact_densities() {
+        let grid = CellGrid { cell_px: 4, columns: 256, rows: 4 };
+        let picture =
+            |codes: &dyn Fn(usize) -> [u8; 3]| CellPicture { grid, codes: (0..grid.count()).map(codes).collect() };
+        let empty = picture(&|cell| [[150, 128, 128], [60, 128, 128], [35, 127, 129], [200, 100, 150]][cell / 256]);
+        let frame = picture(&|cell| [(cell % 256) as u8, 90 + (cell % 77) as u8, 128]);
+        let shaft = ShaftColour::new(&[[30, 128, 128], [40, 127, 129]]).unwrap();
+        let any = AnyColour::new([&empty, &frame]);
+        let background = Background::from_empty(&empty, &[empty.clone()], &shaft, &any).unwrap();
+        let appearance = ShaftAppearance { shaft, any, background };
+        let exact = |(cell, codes): (usize, &[u8; 3])| {
+            let codes = codes.map(f32::from);
+            let (shaft, any) = (appearance.shaft.log_density(codes), appearance.any.log_density(codes));
+            let limited = |ratio: f32| ratio.clamp(-MAX_EVIDENCE, MAX_EVIDENCE);
+            let different = limited(shaft - appearance.background.log_density(cell, codes, any));
+            let is_like_shaft = appearance.background.is_like_shaft(cell);
+            if is_like_shaft { 0.5 * (different + limited(shaft - any)) } else { different }
+        };
+        let exact: Vec<f32> = frame.codes.iter().enumerate().map(exact).collect();
+        assert_eq!(appearance.evidence(&frame), exact);
+        assert!(exact.contains(&-MAX_EVIDENCE) && exact.iter().any(|nats| *nats > 0.0));
     }
 }

@@ -109,7 +109,9 @@ impl Rows {
             first: 0,
             last: 0,
         };
-        for step in 0..(reach + now.end + 6.0 * now.width + 20.0).max(0.0) as usize {
+        let steps = (reach + now.end + 6.0 * now.width + 20.0).max(0.0) as usize;
+        [&mut rows.all, &mut rows.positive].map(|sums| sums.reserve(steps * (columns + 1)));
+        for step in 0..steps {
             let place = step as f64 - reach;
             let middle = now.origin + now.along * place;
             let count = (now.width / STEP_ACROSS).max(1.0) as usize;
@@ -136,12 +138,12 @@ impl Rows {
         (rows.is_inside[..=rows.last].iter().filter(|inside| **inside).count() >= MIN_ROWS).then_some(rows)
     }
 
-    /// A sum over a row from its left rim to a place across.
-    fn sum_to(&self, sums: &[f64], row: usize, place: f64) -> f64 {
-        let at = ((place + self.half) / STEP_ACROSS + 0.5).clamp(0.0, self.columns as f64 - 0.001);
-        let first = row * (self.columns + 1) + at as usize;
-        let share = at - at.floor();
-        sums[first] * (1.0 - share) + sums[first + 1] * share
+    /// A place across a row: the number of the sum before it, and the share of the next one.
+    #[inline(always)]
+    fn place(&self, row: usize, across: f64) -> (usize, f64) {
+        let at = ((across + self.half) / STEP_ACROSS + 0.5).clamp(0.0, self.columns as f64 - 0.001);
+        let column = at as u32; // `floor` is a call
+        (row * (self.columns + 1) + column as usize, at - f64::from(column))
     }
 
     /// The part of the strip's length before a row: 0 at the first, 1 at the last.
@@ -150,20 +152,27 @@ impl Rows {
     }
 
     fn between(&self, sums: &[f64], row: usize, from: f64, to: f64) -> f64 {
-        self.sum_to(sums, row, to) - self.sum_to(sums, row, from)
+        sum_to(sums, self.place(row, to)) - sum_to(sums, self.place(row, from))
     }
 
-    /// The evidence inside the borders, less what speaks for a shaft just outside.
-    fn gain(&self, borders: &Borders) -> f64 {
+    /// The rows of the strip inside the picture, each with its share of the strip's length.
+    fn inside(&self) -> Vec<(usize, f64)> {
         let rows = (self.first..=self.last).filter(|row| self.is_inside[*row]);
-        rows.map(|row| {
-            let (left, right) = borders.at(self.share_of(row));
+        rows.map(|row| (row, self.share_of(row))).collect()
+    }
+
+    /// The evidence inside the borders, less what speaks for a shaft just outside, in these rows.
+    fn gain(&self, rows: &[(usize, f64)], borders: &Borders) -> f64 {
+        let of_row = |(row, share): &(usize, f64)| {
+            let (left, right) = borders.at(*share);
             let flank = ((right - left) / 3.0).max(1.5);
-            let beside = self.between(&self.positive, row, left - flank, left)
-                + self.between(&self.positive, row, right, right + flank);
-            INSIDE_WEIGHT * self.between(&self.all, row, left, right) - beside
-        })
-        .sum()
+            let [before, left, right, behind] =
+                [left - flank, left, right, right + flank].map(|across| self.place(*row, across));
+            let beside = (sum_to(&self.positive, left) - sum_to(&self.positive, before))
+                + (sum_to(&self.positive, behind) - sum_to(&self.positive, right));
+            INSIDE_WEIGHT * (sum_to(&self.all, right) - sum_to(&self.all, left)) - beside
+        };
+        rows.iter().map(of_row).sum()
     }
 
     /// The borders of most gain, by moving them together and one by one.
@@ -182,7 +191,8 @@ impl Rows {
         ];
         let half = 0.5 * width.clamp(widths.0, widths.1.max(widths.0));
         let mut best = Borders([-half, -half, half, half]);
-        let mut gain = self.gain(&best);
+        let rows = self.inside();
+        let mut gain = self.gain(&rows, &best);
         let mut step = (0.25 * width).max(1.0);
         while step > LAST_STEP {
             let mut has_moved = false;
@@ -191,7 +201,7 @@ impl Rows {
                 if !moved.are_possible(widths) {
                     continue;
                 }
-                let there = self.gain(&moved);
+                let there = self.gain(&rows, &moved);
                 if there > gain + 1e-6 {
                     (best, gain, has_moved) = (moved, there, true);
                 }
@@ -277,6 +287,13 @@ impl Rows {
         let next = Estimate { origin: tip, along, width: 0.5 * (borders.widths().0 + borders.widths().1), end: 0.0 };
         Some((strip, next))
     }
+}
+
+/// A sum over a row from its left rim to a place across.
+#[inline(always)]
+fn sum_to(sums: &[f64], (first, share): (usize, f64)) -> f64 {
+    let pair = &sums[first..first + 2];
+    pair[0] * (1.0 - share) + pair[1] * share
 }
 
 fn read(map: &GridMap, at: Point2<f64>) -> f64 {

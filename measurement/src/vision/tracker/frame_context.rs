@@ -50,11 +50,22 @@ impl FrameContext<'_> {
     /// Is a point of the outline inside the frame, and in front of all other tools?
     pub(super) fn is_visible(&self, place: Point3<f64>, at: Pixel) -> bool {
         const RIM_PX: f64 = 3.0;
-        const CLEAR_PX: f64 = 4.0;
         let (width, height) = (self.frame.width() as f64, self.frame.height() as f64);
         let in_frame = at.u() > RIM_PX && at.v() > RIM_PX && at.u() < width - RIM_PX && at.v() < height - RIM_PX;
-        let clear = CLEAR_PX / self.camera().fx;
+        let clear = self.clear();
         in_frame && !self.obstacles.iter().any(|other| other.hides(place.coords, place.z, clear))
+    }
+
+    /// The other tools that may hide a part of an outline, between two distances behind the tip (mm).
+    pub(super) fn obstacles_before(&self, outline: &Outline, backs_mm: [f64; 2]) -> Vec<Outline> {
+        let hull = outline.hull(backs_mm);
+        self.obstacles.iter().filter(|other| other.may_hide(&hull, self.clear())).copied().collect()
+    }
+
+    /// How far beside a tool nothing is hidden by it, radians.
+    fn clear(&self) -> f64 {
+        const CLEAR_PX: f64 = 4.0;
+        CLEAR_PX / self.camera().fx
     }
 }
 

@@ -6,6 +6,7 @@
 use nalgebra::Point2;
 
 use super::band_fit::BandFit;
+use super::frame_context::FrameContext;
 use super::probe_pass::{FINE_PASSES, FoundEdges, ProbePass};
 use super::refine::PassFit;
 use super::trace::FitRecorder;
@@ -274,7 +275,9 @@ impl BandFit<'_> {
     fn rows_across(&self, tube: &Tube) -> Option<Vec<ShaftRow>> {
         let outline = tube.outline()?;
         let step_px = (2.0 * tube.radius * self.px_per_mm_across(tube) / ROWS_PER_WIDTH).clamp(ROWS_PX.0, ROWS_PX.1);
-        let is_visible = |place, at| self.scene.is_visible(place, at);
+        let obstacles = self.scene.obstacles_before(&outline, ROWS_MM);
+        let scene = FrameContext { obstacles: &obstacles, ..*self.scene };
+        let is_visible = |place, at| scene.is_visible(place, at);
         Some(shaft_rows::read(self.scene.frame, self.camera(), &outline, ROWS_MM, step_px, is_visible))
     }
 
@@ -343,7 +346,6 @@ mod tests {
     use crate::vision::segmentation::cells::CellPicture;
     use crate::vision::segmentation::shaft_colour::ShaftColour;
     use crate::vision::strip::finder::{BareTool, SearchTurn, StripFinder};
-    use crate::vision::tracker::frame_context::FrameContext;
     use crate::vision::tracker::predict::Prediction;
     use crate::vision::tracker::testing::{ENCODING, two_bare_tools};
     use crate::vision::tracker::{Marker, Tracker, TrackerSettings};
