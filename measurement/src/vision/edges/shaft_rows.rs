@@ -117,9 +117,7 @@ impl<'a, V: Fn(Point3<f64>, Pixel) -> bool> RowReader<'a, V> {
     #[inline(always)]
     fn add_codes(&self, place: Point3<f64>, at: Pixel, sum: &mut Codes) -> Option<()> {
         let codes = if (self.is_visible)(place, at) { self.codes.at(at)? } else { return None };
-        for plane in 0..3 {
-            sum[plane] += codes[plane];
-        }
+        sum.iter_mut().zip(codes).for_each(|(sum, code)| *sum += code);
         Some(())
     }
 }

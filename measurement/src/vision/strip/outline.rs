@@ -110,9 +110,8 @@ impl Rows {
             last: 0,
         };
         let steps = (reach + now.end + 6.0 * now.width + 20.0).max(0.0) as usize;
-        for sums in [&mut rows.all, &mut rows.positive] {
-            sums.reserve(steps * (columns + 1));
-        }
+        rows.all.reserve(steps * (columns + 1));
+        rows.positive.reserve(steps * (columns + 1));
         for step in 0..steps {
             let place = step as f64 - reach;
             let middle = now.origin + now.along * place;
