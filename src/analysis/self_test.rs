@@ -8,7 +8,9 @@ use crate::media::{MediaError, Picture, ReadAhead, VideoFile};
 use crate::motion::quality::ports::Ports;
 use crate::vision::camera::Board;
 use crate::vision::frame::Frame;
-use crate::vision::tracker::{MAX_WARM_UP_FRAMES, Marker, SceneSamples, SettingsProblem, Tracker, TrackerSettings};
+use crate::vision::tracker::{
+    MAX_WARM_UP_FRAMES, Marker, SceneSamples, SettingsProblem, ToolSpec, Tracker, TrackerSettings,
+};
 use crate::vision::trajectory::PathKind;
 
 /// What a self-test needs besides the recording and the tracker's settings.
@@ -38,8 +40,15 @@ pub enum SelfTestError {
     Settings(#[from] SettingsProblem),
 }
 
-/// A bare rod ends flat, without collar or jaws.
-const ROD: Marker = Marker::Shaft { collar_mm: None, jaw_mm: Some(0.0) };
+/// Takes bare tools for rods, which end flat, without collar or jaws. A tool that touches with its jaws has a reach, and
+/// keeps its sizes.
+fn take_for_rods(tools: &mut [ToolSpec], reach_mm: f64) {
+    if reach_mm == 0.0 {
+        for tool in tools.iter_mut().filter(|tool| tool.is_bare()) {
+            tool.marker = Marker::Shaft { collar_mm: None, jaw_mm: Some(0.0) };
+        }
+    }
+}
 
 /// Tests a box. `scene` shows the box to a tracker of tools without tape: see [`collect_scene`]. Calls `done` after each
 /// frame with the number of frames so far and, if known, in all.
@@ -56,9 +65,7 @@ pub fn test_video(
     mut done: impl FnMut(u64, Option<u64>),
 ) -> Result<SelfTestReport, SelfTestError> {
     let info = video.info();
-    for tool in settings.tools.iter_mut().filter(|tool| tool.is_bare()) {
-        tool.marker = ROD;
-    }
+    take_for_rods(&mut settings.tools, asked.reach_mm);
     let (camera, tools, samples) = (settings.camera, settings.tools.clone(), settings.samples.clone());
     let mut ahead = ReadAhead::new(video)?;
     let first: Vec<Frame<'_>> = ahead.first_pictures(MAX_WARM_UP_FRAMES)?.iter().map(Picture::frame).collect();
@@ -92,4 +99,24 @@ pub fn test_video(
     let findings = measure(watch, &evidence);
     let verdict = verdict::judge(&findings, asked.calibration_rms_px);
     Ok(SelfTestReport::new(&findings, &verdict, &smoothed.tools))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_bare_tool_without_reach_is_a_rod() {
+        let tool =
+            |marker| ToolSpec { name: "left".into(), colour: "shaft".into(), side: None, diameter_mm: 5.0, marker };
+        let (bare, band) =
+            (Marker::Shaft { collar_mm: Some(8.0), jaw_mm: Some(28.0) }, Marker::Band { length_mm: None });
+        let taken = |reach_mm| {
+            let mut tools = [tool(bare), tool(band)];
+            take_for_rods(&mut tools, reach_mm);
+            tools.map(|tool| tool.marker)
+        };
+        assert_eq!(taken(0.0), [Marker::Shaft { collar_mm: None, jaw_mm: Some(0.0) }, band]);
+        assert_eq!(taken(28.0), [bare, band]);
+    }
 }

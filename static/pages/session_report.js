@@ -7,6 +7,7 @@ import { serviceLang, t } from '../texts.js';
 import { featureWithTool, findingText } from '../translate.js';
 import { featuresIn, firstSpace, poorDepthText } from '../parts/session/compared_space.js';
 import { featureRows } from '../parts/session/features.js';
+import { leadingReasons } from '../parts/session/verdict.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
 import { recordedAtText } from '../parts/page/recorded_at.js';
@@ -61,14 +62,14 @@ export default function SessionReport({ route }) {
 function QualityGate({ quality }) {
   const verdict = t.session.verdict[quality?.verdict ?? ''];
   if (!verdict) return null;
-  const reasons = quality.reasons ?? [];
+  const [shown, others] = leadingReasons(quality.reasons ?? [], MAX_REASONS);
   return html`
     <section>
       <h2>${t.session.verdict.name}</h2>
       <p><strong>${verdict}.</strong></p>
-      ${reasons.length > 0 && html`<ul>
-        ${reasons.slice(0, MAX_REASONS).map(one => html`<li key=${`${one.name} ${one.tool}`}>${findingText(one)}.</li>`)}
-        ${reasons.length > MAX_REASONS && html`<li>${t.session.verdict.more(reasons.length - MAX_REASONS)}</li>`}</ul>`}
+      ${shown.length > 0 && html`<ul>
+        ${shown.map(one => html`<li key=${`${one.name} ${one.tool}`}>${findingText(one)}.</li>`)}
+        ${others.length > 0 && html`<li>${t.session.verdict.more(others.length)}</li>`}</ul>`}
     </section>`;
 }
 

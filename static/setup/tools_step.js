@@ -99,7 +99,7 @@ const TapeFields = ({ tool, text, size }) => html`
 function BareFields({ tool, text, size, onChange }) {
   const { marker } = tool;
   // Fixed at first: it must not close around the field that is being emptied.
-  const [opened] = useState(Boolean(marker.collar_mm || marker.jaw_mm));
+  const [opened] = useState(marker.collar_mm != null || marker.jaw_mm != null);
   const length = name => ({ target }) => onChange({ marker: { ...marker, [name]: sizeIn(target) } });
   return html`
     <div class="fields">
@@ -114,7 +114,7 @@ function BareFields({ tool, text, size, onChange }) {
       <div class="fields">
         <${Field} label=${words.bare.collar} hint=${words.bare.collarHint} type="number" optional step="any" min="0.1"
           max="100" value=${marker.collar_mm} onInput=${length('collar_mm')} />
-        <${Field} label=${words.bare.jaw} hint=${words.bare.jawHint} type="number" optional step="any" min="0.1"
+        <${Field} label=${words.bare.jaw} hint=${words.bare.jawHint} type="number" optional step="any" min="0"
           max="100" value=${marker.jaw_mm} onInput=${length('jaw_mm')} />
       </div>
     </details>`;

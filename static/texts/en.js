@@ -588,7 +588,7 @@ export default {
         `Lengths of paths in space may be off by ${inSpace}, lengths in the image by ${inImage}. Errors of depth also make a resting tool seem to move, so rests and movements are better counted in the image.`,
       needDepth: 'In space: these values need depth',
       tooUncertain: 'too uncertain to compare',
-      tooUncertainMeans: 'This value may be off by more than half of itself, because depth is poor.',
+      tooUncertainMeans: 'This value needs depth, and may be off by more than half of itself.',
     },
     notEnough: 'not enough',
     noFeatures: 'No features',
@@ -1415,7 +1415,7 @@ export default {
         collar: 'Length of the collar, mm',
         collarHint: 'The part between the end of the tube and the jaws that is as wide as the tube. If it is dark and its length is missing, the tip is off by this length.',
         jaw: 'Length to the point of the jaws, mm',
-        jawHint: 'From the end of the tube to the point of the closed jaws. A later version will use it.',
+        jawHint: 'From the end of the tube to the point of the closed jaws. 0: a rod without jaws.',
       },
     },
     colours: {

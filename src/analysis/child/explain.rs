@@ -179,9 +179,9 @@ impl ToProblem for CalibrationProblem {
 /// No tool was measured on any frame. `is_bare`: whether all tools are without tape.
 pub(super) fn never_seen(quality: &Quality, is_bare: bool) -> Problem {
     if quality.light.is_empty() {
-        let detail = "the picture is too dark to see any tool; switch on the light of the box, or set a longer \
-                      exposure, and record again";
-        return Problem::new("too-dark", "The picture is too dark", detail);
+        let detail = "the picture is so dark or so bright that no colour shows; check the light of the box and the \
+                      exposure of its camera, and record again";
+        return Problem::new("no-usable-light", "The picture is too dark or too bright", detail);
     }
     let tool = |t: &ToolQuality| {
         let reason = t.reasons.iter().max_by_key(|(_, n)| **n).map_or("not seen", |(reason, _)| reason.name());
@@ -199,8 +199,8 @@ pub(super) fn never_seen(quality: &Quality, is_bare: bool) -> Problem {
         return Problem::new("no-shaft-seen", "No shaft was found", detail);
     }
     let detail = format!(
-        "no tool was measured on any of {frames} frames ({reasons}); mark the tape again on a frame of this recording, \
-         in its light"
+        "no tool was measured on any of {frames} frames ({reasons}); mark the tape, or the bare shaft, again on a \
+         frame of this recording, in its light"
     );
     Problem::new("no-tool-seen", "No tool was seen", detail)
 }
@@ -242,7 +242,7 @@ mod tests {
         let mut quality = Quality { frames: 20, tools: vec![tool], ..Quality::default() };
         for is_bare in [true, false] {
             let dark = never_seen(&quality, is_bare);
-            assert!(dark.slug == "too-dark" && dark.detail.contains("light of the box"), "{dark:?}");
+            assert!(dark.slug == "no-usable-light" && dark.detail.contains("light of the box"), "{dark:?}");
         }
         quality.light = vec![LightSample { time_s: 0.0, luma_ratio: 1.0, chroma_shift: [0.0; 2] }];
         let [bare, taped] = [true, false].map(|is_bare| never_seen(&quality, is_bare));

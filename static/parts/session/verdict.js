@@ -14,12 +14,23 @@ const STYLES = {
 const TONES = { refuse: 'bad', care: 'warn' };
 const MAX_SHOWN = 3; // The most important ones; the others are behind a click.
 
+/**
+ * `[shown, others]`: so many reasons, with one that refuses the session if there is any. What may explain the others comes
+ * first, and does not refuse by itself.
+ */
+export function leadingReasons(reasons, most) {
+  const refusing = reasons.findIndex(one => one.severity === 'refuse');
+  if (refusing < most) return [reasons.slice(0, most), reasons.slice(most)];
+  const shown = [...reasons.slice(0, most - 1), reasons[refusing]];
+  return [shown, reasons.filter(one => !shown.includes(one))];
+}
+
 /** Results of earlier versions have no verdict. @param {Props} props */
 export function Verdict({ quality }) {
   const style = STYLES[quality?.verdict];
   if (!style) return null;
   const reasons = quality.reasons ?? [];
-  const [first, more] = [reasons.slice(0, MAX_SHOWN), reasons.slice(MAX_SHOWN)];
+  const [first, more] = leadingReasons(reasons, MAX_SHOWN);
   const mixed = new Set(reasons.map(reason => reason.severity)).size > 1;
   return html`
     <section class=${`notice ${style.tone} verdict`} aria-label=${words.name}>

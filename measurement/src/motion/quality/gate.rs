@@ -5,8 +5,7 @@ use super::{BoxAnswer, Figures, JumpRows, LostStretch, PathJump, QualityCause, T
 use crate::vision::segmentation::palette::Margin;
 use crate::vision::tracker::TrocarEvidence;
 
-/// A change of brightness, as a share, that may be why tools were lost: colours are known from 0.6 to 1.6 times their
-/// light.
+/// A change of brightness, as a share, that may be why tools were lost: colours are known down to 0.6 times their light.
 const MIN_BLINDING_CHANGE: f64 = 0.4;
 
 /// The quality verdict on a session: whether its measurements can be trusted.
@@ -106,7 +105,7 @@ impl QualityVerdict {
         matches!(self, QualityVerdict::Refused(_))
     }
 
-    /// The concerns, the worst first.
+    /// The concerns: what may explain the others first, then the worst.
     pub fn concerns(&self) -> &[Concern] {
         match self {
             QualityVerdict::Valid => &[],

@@ -238,7 +238,7 @@ impl<'a> LookEnds<'a> {
             return None;
         }
         let share = |row: usize| {
-            let codes = mean(&self.rows[row - 1..row + 2])?;
+            let codes = mean(self.rows.get(row.checked_sub(1)?..row + 2)?)?;
             Some((0..3).map(|part| (codes[part] - behind[part]) * rise[part]).sum::<f64>() / all)
         };
         let crossings = (row - far..row + far).filter_map(|row| {

@@ -313,7 +313,7 @@ mod tests {
     #[test]
     fn a_thing_across_the_shaft_is_no_end() {
         let across = found(|x, y| if (300.0..330.0).contains(&x) { STEEL } else { shaft_luma(x, y) });
-        let end = across[0].ok().and_then(|shaft| shaft.end);
+        let end = across[0].unwrap().end;
         assert!(end.is_none_or(|end| (end.u() - END).abs() < 3.0), "{across:?}");
     }
 

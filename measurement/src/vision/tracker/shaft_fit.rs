@@ -166,7 +166,12 @@ impl BandFit<'_> {
         }
         let colour_end = |rows: &[ShaftRow]| self.locate_colour_end_alone(rows);
         match (colour_end(&rows).filter(|end| self.shows_jaws(&tube, end.back_mm)), moved) {
-            (Some(end), _) => self.fit_located(tube, end, colour_end, length_mm, recorder),
+            (Some(end), _) => {
+                let fit = self.fit_located(tube, end, colour_end, length_mm, recorder)?;
+                let tube = fit.estimate.tube;
+                let hidden = ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) };
+                if self.shows_jaws(&tube, 0.0) { Ok(fit) } else { Err(hidden) }
+            }
             (None, Some(tube)) => Err(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) }),
             (None, None) => Err(MissReason::BordersNotFound.into()),
         }
@@ -204,7 +209,8 @@ impl BandFit<'_> {
     /// Do jaws show ahead of a place, this far behind the tip (mm)? If the box shows instead, lit or in shade, it may be what
     /// is seen between open black jaws.
     fn shows_jaws(&self, tube: &Tube, back_mm: f64) -> bool {
-        !is_mostly(&self.seen_about(tube, back_mm, |strips, [_, ahead]| strips.shows_box(ahead)), 1.0 / 3.0)
+        let shown = self.seen_about(tube, back_mm, |strips, [_, ahead]| strips.shows_box(ahead));
+        !(self.spec.has_jaws() && is_mostly(&shown, 1.0 / 3.0))
     }
 
     /// Does a hinge show ahead of the end, if the tool has one?
@@ -217,11 +223,12 @@ impl BandFit<'_> {
     /// end also without the tool. Steel may look like the box, but hardly where the box changes.
     fn is_end_behind_box(&self, tube: &Tube) -> bool {
         /// Of the places: light on the box changes.
-        const MIN_SHARE: f64 = 2.0 / 3.0;
-        let is_mostly_so = |seen: Vec<bool>| is_mostly(&seen, MIN_SHARE);
-        self.spec.has_jaws()
-            && is_mostly_so(self.seen_about(tube, 0.0, |strips, [_, ahead]| strips.shows_lit_box(ahead)))
-            && is_mostly_so(self.seen_about(tube, 0.0, |strips, [behind, ahead]| strips.box_changes(behind, ahead)))
+        const MIN_SHOWN: f64 = 2.0 / 3.0;
+        /// Of the places: those next to the end lie in neighbouring cells, which show both sides of it.
+        const MIN_CHANGED: f64 = 0.5;
+        let shown = self.seen_about(tube, 0.0, |strips, [_, ahead]| strips.shows_lit_box(ahead));
+        let changed = || self.seen_about(tube, 0.0, |strips, [behind, ahead]| strips.box_changes(behind, ahead));
+        self.spec.has_jaws() && is_mostly(&shown, MIN_SHOWN) && is_mostly(&changed(), MIN_CHANGED)
     }
 
     /// What pairs of places behind and ahead of a place show, this far behind the tip (mm). Those ahead lie on the jaws.
