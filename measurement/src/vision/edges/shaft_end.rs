@@ -86,13 +86,14 @@ pub fn locate(edges: &EdgeModel, rows: &[ShaftRow], diameter_mm: f64, collar_mm:
     }
 }
 
-/// Does a hinge, or anything else narrower than the tool, differ from its surroundings ahead of the assumed tip? Where a
-/// thing lies across the tool, both have its colour.
-pub fn shows_hinge(rows: &[ShaftRow], diameter_mm: f64) -> bool {
+/// Does a hinge, or anything else narrower than the tool, differ from its surroundings ahead of a place, this far behind
+/// the assumed tip (mm)? Where a thing lies across the tool, both have its colour.
+pub fn shows_hinge(rows: &[ShaftRow], diameter_mm: f64, back_mm: f64) -> bool {
     /// Rows next to the end show both sides of it, blurred.
     const FROM_DIAMETERS: f64 = 0.1;
-    let ahead =
-        rows.iter().filter(|row| (FROM_DIAMETERS * diameter_mm..AHEAD_DIAMETERS * diameter_mm).contains(&-row.back_mm));
+    let ahead = rows
+        .iter()
+        .filter(|row| (FROM_DIAMETERS * diameter_mm..AHEAD_DIAMETERS * diameter_mm).contains(&(back_mm - row.back_mm)));
     let apart: Vec<f64> = ahead.filter_map(hinge_codes).collect();
     apart.is_empty() || apart.iter().sum::<f64>() > MIN_HINGE_CODES * apart.len() as f64
 }

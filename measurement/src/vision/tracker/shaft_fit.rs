@@ -68,27 +68,42 @@ impl BandFit<'_> {
         let is_tool = |fit: &PassFit| self.shows_borders(fit) && self.is_long_in_picture(&fit.estimate.tube, length_mm);
         let fit = fit.and_then(|fit| if is_tool(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })?;
         let tube = fit.estimate.tube;
-        if self.is_end_covered(&tube) || self.is_end_behind_box(&tube) {
+        let end_mm = self.place_of_hinge(&tube);
+        if self.is_end_covered(&tube, end_mm) || self.is_end_behind_box(&tube, end_mm) {
             return Err(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) });
         }
         Ok(fit)
     }
 
-    /// Does a thing lie across the end? It is wider than the tool: beside the place ahead of the end, the box hardly shows
-    /// on either side. What may be the box in shade is a thing, too, if no hinge shows.
-    fn is_end_covered(&self, tube: &Tube) -> bool {
-        self.is_box_hidden_beside(tube, |strips, at| strips.shows_box(at))
-            || (self.is_box_hidden_beside(tube, |strips, at| strips.shows_lit_box(at)) && !self.shows_hinge(tube))
+    /// Where the tool's own width must end, mm behind the tube's end: with the tube if its end shows, otherwise with the
+    /// collar.
+    fn place_of_hinge(&self, tube: &Tube) -> f64 {
+        let collar_mm = self.spec.collar_mm();
+        let shows_tubes_end = || {
+            let colour_end = self.rows_across(tube).and_then(|rows| self.locate_colour_end(&rows));
+            colour_end.is_some_and(|back_mm| self.is_near(back_mm))
+        };
+        if collar_mm == 0.0 || shows_tubes_end() { 0.0 } else { -collar_mm }
     }
 
-    /// Does the box hardly show beside the place ahead of the end, on either side?
-    fn is_box_hidden_beside(&self, tube: &Tube, shows: impl Fn(&FrameStrips<'_>, Pixel) -> Option<bool>) -> bool {
+    /// Does a thing lie across the end, this far behind the tube's (mm)? It is wider than the tool: beside the place ahead of
+    /// the end, the box hardly shows on either side. What may be the box in shade is a thing, too, if no hinge shows.
+    fn is_end_covered(&self, tube: &Tube, end_mm: f64) -> bool {
+        let is_hidden = |shows: fn(&FrameStrips<'_>, Pixel) -> Option<bool>| self.is_box_hidden(tube, end_mm, shows);
+        is_hidden(|strips, at| strips.shows_box(at))
+            || (is_hidden(|strips, at| strips.shows_lit_box(at)) && !self.shows_hinge(tube, end_mm))
+    }
+
+    /// Does the box hardly show beside the place ahead of an end, on either side?
+    fn is_box_hidden(&self, tube: &Tube, end_mm: f64, shows: impl Fn(&FrameStrips<'_>, Pixel) -> Option<bool>) -> bool {
         /// Distances from the axis, radii.
         const BESIDE_RADII: [f64; 2] = [1.5, 1.9];
         let (Some(strips), Some(outline)) = (self.scene.strips, tube.outline()) else { return false };
         let mut hidden: Vec<bool> = Vec::new();
         for diameters in AHEAD_DIAMETERS {
-            let Some([one, other]) = self.borders_px(&outline, -diameters * self.spec.diameter_mm) else { continue };
+            let Some([one, other]) = self.borders_px(&outline, end_mm - diameters * self.spec.diameter_mm) else {
+                continue;
+            };
             let (middle, half) = (nalgebra::center(&one, &other), (one - other) * 0.5);
             let beside = BESIDE_RADII.into_iter().flat_map(|radii| [middle + half * radii, middle - half * radii]);
             hidden.extend(beside.filter_map(|at| Some(!shows(strips, Pixel(at))?)));
@@ -214,20 +229,20 @@ impl BandFit<'_> {
     }
 
     /// Does a hinge show ahead of the end, if the tool has one?
-    fn shows_hinge(&self, tube: &Tube) -> bool {
+    fn shows_hinge(&self, tube: &Tube, end_mm: f64) -> bool {
         let Some(rows) = self.rows_across(tube) else { return true };
-        !self.spec.has_jaws() || shaft_end::shows_hinge(&rows, self.spec.diameter_mm)
+        !self.spec.has_jaws() || shaft_end::shows_hinge(&rows, self.spec.diameter_mm, end_mm)
     }
 
     /// Does a part of the box lie before the end, such as a peg? The box shows where the jaws must be, and it changes at the
     /// end also without the tool. Steel may look like the box, but hardly where the box changes.
-    fn is_end_behind_box(&self, tube: &Tube) -> bool {
+    fn is_end_behind_box(&self, tube: &Tube, end_mm: f64) -> bool {
         /// Of the places: light on the box changes.
         const MIN_SHOWN: f64 = 2.0 / 3.0;
         /// Of the places: those next to the end lie in neighbouring cells, which show both sides of it.
         const MIN_CHANGED: f64 = 0.5;
-        let shown = self.seen_about(tube, 0.0, |strips, [_, ahead]| strips.shows_lit_box(ahead));
-        let changed = || self.seen_about(tube, 0.0, |strips, [behind, ahead]| strips.box_changes(behind, ahead));
+        let shown = self.seen_about(tube, end_mm, |strips, [_, ahead]| strips.shows_lit_box(ahead));
+        let changed = || self.seen_about(tube, end_mm, |strips, [behind, ahead]| strips.box_changes(behind, ahead));
         self.spec.has_jaws() && is_mostly(&shown, MIN_SHOWN) && is_mostly(&changed(), MIN_CHANGED)
     }
 
@@ -384,7 +399,7 @@ mod tests {
         let is_ring = |at: Point2<f64>| nalgebra::distance(&at, &tip_px) < radius_px;
         let jaws = jaws_of(230);
         let luma = |at| if is_ring(at) { ring } else { jaws(at) };
-        with_fit(&two_bare_tools(), luma, |fit| fit.is_end_covered(&tube()))
+        with_fit(&two_bare_tools(), luma, |fit| fit.is_end_covered(&tube(), 0.0))
     }
 
     /// A tube before an even mat.
@@ -448,7 +463,7 @@ mod tests {
 
     #[test]
     fn an_end_where_the_box_begins_lies_behind_it_unless_it_is_a_rods() {
-        let is_behind_box = |fit: &BandFit<'_>| fit.is_end_behind_box(&tube());
+        let is_behind_box = |fit: &BandFit<'_>| fit.is_end_behind_box(&tube(), 0.0);
         let tip_u = CAMERA.project(CameraPoint(tube().tip)).unwrap().u();
         let block = |at: Point2<f64>| if at.x > tip_u { 190 } else { MAT };
         let jaws = |luma: u8| {
