@@ -114,7 +114,7 @@ impl BandFit<'_> {
     /// Is the measured piece long in the picture? Seen nearly along its axis, a tube shows neither its lean nor that it is
     /// one: closed jaws are as long.
     fn is_long_in_picture(&self, tube: &Tube, length_mm: f64) -> bool {
-        /// Least length, widths: twelve degrees between the line of sight and a 5 mm tool (MARKERS 5.2).
+        /// Least length, widths: twelve degrees between the line of sight and a 5 mm tool (METHOD 3.6).
         const MIN_WIDTHS: f64 = 2.5;
         let Some(outline) = tube.outline() else { return false };
         let ends = self.borders_px(&outline, 0.0).zip(self.borders_px(&outline, length_mm));
