@@ -55,6 +55,19 @@ pub fn reaches(rows: &[ShaftRow], diameter_mm: f64, back_mm: f64) -> bool {
     last.zip(far).is_none_or(|(last, far)| median_distance(&last, &far) < CLEAR_CODES)
 }
 
+/// Does the colour between the borders change clearly at the assumed tip, whatever lies behind and ahead?
+pub fn changes(rows: &[ShaftRow], diameter_mm: f64) -> bool {
+    /// Rows next to the tip show both sides of it, blurred.
+    const BLURRED_DIAMETERS: f64 = 0.1;
+    let stripes_of = |sign: f64| {
+        let there = BLURRED_DIAMETERS * diameter_mm..PIECE_DIAMETERS * diameter_mm;
+        let is_there = |row: &&ShaftRow| there.contains(&(sign * row.back_mm));
+        stripes(&rows.iter().filter(is_there).copied().collect::<Vec<_>>())
+    };
+    let both = stripes_of(1.0).zip(stripes_of(-1.0));
+    both.is_some_and(|(behind, ahead)| median_distance(&behind, &ahead) > CLEAR_CODES)
+}
+
 /// Is the tool as wide as the tube ahead of a place, this far behind the assumed tip (mm), over most of a collar's length?
 /// Then the colour ends with the tube and not with a collar of its colour, ahead of which a narrower hinge begins.
 pub fn shows_collar(rows: &[ShaftRow], collar_mm: f64, back_mm: f64) -> bool {
@@ -196,6 +209,13 @@ mod tests {
         assert!(reaches(&rows(with_collar(0.0)), DIAMETER_MM, 0.0));
         let rows = rows(with_collar(5.0));
         assert!(!reaches(&rows, DIAMETER_MM, 0.0) && reaches(&rows, DIAMETER_MM, 5.0));
+    }
+
+    #[test]
+    fn steel_changes_the_colour_at_the_tip_and_slow_gloss_does_not() {
+        let steel = |ahead: f64| if ahead < 0.0 { even(BLACK) } else { even(STEEL) };
+        assert!(changes(&rows(steel), DIAMETER_MM));
+        assert!(!changes(&rows(|ahead| even(BLACK + 1.2 * (ahead + 70.0))), DIAMETER_MM));
     }
 
     #[test]

@@ -28,6 +28,20 @@ pub(super) struct ShaftMiss {
     pub(super) tube: Option<Tube>,
 }
 
+/// A fitted tube whose end shows.
+struct FitWithEnd {
+    fit: PassFit,
+    /// Where the end is seen, mm behind that of the tube: 0, or at the end of its collar.
+    end_mm: f64,
+}
+
+impl FitWithEnd {
+    /// The end of the tube itself is seen.
+    fn of_tube(fit: PassFit) -> Self {
+        Self { fit, end_mm: 0.0 }
+    }
+}
+
 impl From<MissReason> for ShaftMiss {
     fn from(reason: MissReason) -> Self {
         Self { reason, tube: None }
@@ -60,30 +74,20 @@ impl BandFit<'_> {
         recorder: &mut FitRecorder,
     ) -> Result<PassFit, ShaftMiss> {
         let fit = match self.fit_passes(start, length_mm, passes, recorder) {
-            Ok(fit) if self.is_end_of_tube(&fit) => Ok(fit),
+            Ok(fit) if self.is_end_of_tube(&fit) => Ok(FitWithEnd::of_tube(fit)),
             Ok(fit) => self.fit_end(&fit.estimate.tube, length_mm, recorder),
             Err(MissReason::TipHidden) => self.fit_end(start, length_mm, recorder),
             Err(reason) => Err(reason.into()),
         };
-        let is_tool = |fit: &PassFit| self.shows_borders(fit) && self.is_long_in_picture(&fit.estimate.tube, length_mm);
-        let fit = fit.and_then(|fit| if is_tool(&fit) { Ok(fit) } else { Err(MissReason::PoorFit.into()) })?;
+        let FitWithEnd { fit, end_mm } = fit?;
         let tube = fit.estimate.tube;
-        let end_mm = self.place_of_hinge(&tube);
+        if !self.shows_borders(&fit) || !self.is_long_in_picture(&tube, length_mm) {
+            return Err(MissReason::PoorFit.into());
+        }
         if self.is_end_covered(&tube, end_mm) || self.is_end_behind_box(&tube, end_mm) {
             return Err(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) });
         }
         Ok(fit)
-    }
-
-    /// Where the tool's own width must end, mm behind the tube's end: with the tube if its end shows, otherwise with the
-    /// collar.
-    fn place_of_hinge(&self, tube: &Tube) -> f64 {
-        let collar_mm = self.spec.collar_mm();
-        let shows_tubes_end = || {
-            let colour_end = self.rows_across(tube).and_then(|rows| self.locate_colour_end(&rows));
-            colour_end.is_some_and(|back_mm| self.is_near(back_mm))
-        };
-        if collar_mm == 0.0 || shows_tubes_end() { 0.0 } else { -collar_mm }
     }
 
     /// Does a thing lie across the end, this far behind the tube's (mm)? It is wider than the tool: beside the place ahead of
@@ -169,15 +173,19 @@ impl BandFit<'_> {
 
     /// Fits a tube whose end is not where the start assumes it. The tube is first moved to its borders, if enough of
     /// them shows: only there are its rows those of the shaft.
-    fn fit_end(&self, start: &Tube, length_mm: f64, recorder: &mut FitRecorder) -> Result<PassFit, ShaftMiss> {
+    fn fit_end(&self, start: &Tube, length_mm: f64, recorder: &mut FitRecorder) -> Result<FitWithEnd, ShaftMiss> {
         let moved = self.fit_axis(start, length_mm, FINE_PASSES, recorder).map(|(tube, _)| tube);
         let tube = moved.unwrap_or(*start);
         let rows = self.rows_across(&tube).unwrap_or_default();
         if let Some(fit) = self.fit_colour_end(tube, &rows, length_mm, recorder) {
-            return Ok(fit);
+            return Ok(FitWithEnd::of_tube(fit));
         }
         if let Some(end) = self.locate_end(&rows) {
-            return self.fit_located(tube, end, |rows| self.locate_end(rows), length_mm, recorder);
+            let fit = self.fit_located(tube, end, |rows| self.locate_end(rows), length_mm, recorder)?;
+            let rows = self.rows_across(&fit.estimate.tube).unwrap_or_default();
+            let shows_tubes_end = shaft_colour_end::changes(&rows, self.spec.diameter_mm);
+            let end_mm = if shows_tubes_end { 0.0 } else { -self.spec.collar_mm() };
+            return Ok(FitWithEnd { fit, end_mm });
         }
         let colour_end = |rows: &[ShaftRow]| self.locate_colour_end_alone(rows);
         match (colour_end(&rows).filter(|end| self.shows_jaws(&tube, end.back_mm)), moved) {
@@ -185,7 +193,7 @@ impl BandFit<'_> {
                 let fit = self.fit_located(tube, end, colour_end, length_mm, recorder)?;
                 let tube = fit.estimate.tube;
                 let hidden = ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) };
-                if self.shows_jaws(&tube, 0.0) { Ok(fit) } else { Err(hidden) }
+                if self.shows_jaws(&tube, 0.0) { Ok(FitWithEnd::of_tube(fit)) } else { Err(hidden) }
             }
             (None, Some(tube)) => Err(ShaftMiss { reason: MissReason::TipHidden, tube: Some(tube) }),
             (None, None) => Err(MissReason::BordersNotFound.into()),
@@ -224,37 +232,41 @@ impl BandFit<'_> {
     /// Do jaws show ahead of a place, this far behind the tip (mm)? If the box shows instead, lit or in shade, it may be what
     /// is seen between open black jaws.
     fn shows_jaws(&self, tube: &Tube, back_mm: f64) -> bool {
-        let shown = self.seen_about(tube, back_mm, |strips, [_, ahead]| strips.shows_box(ahead));
+        let shown = self.seen_about(tube, back_mm, &AHEAD_DIAMETERS, |strips, [_, ahead]| strips.shows_box(ahead));
         !(self.spec.has_jaws() && is_mostly(&shown, 1.0 / 3.0))
     }
 
-    /// Does a hinge show ahead of the end, if the tool has one?
+    /// Does a hinge show ahead of an end? A rod without jaws has none.
     fn shows_hinge(&self, tube: &Tube, end_mm: f64) -> bool {
-        let Some(rows) = self.rows_across(tube) else { return true };
-        !self.spec.has_jaws() || shaft_end::shows_hinge(&rows, self.spec.diameter_mm, end_mm)
+        let is_seen = |rows: &[ShaftRow]| shaft_end::shows_hinge(rows, self.spec.diameter_mm, end_mm);
+        !self.spec.has_jaws() || self.rows_across(tube).is_none_or(|rows| is_seen(&rows))
     }
 
-    /// Does a part of the box lie before the end, such as a peg? The box shows where the jaws must be, and it changes at the
-    /// end also without the tool. Steel may look like the box, but hardly where the box changes.
+    /// Does a part of the box lie before the end, such as a peg? No hinge shows, the box shows where the jaws must be, and it
+    /// changes at the end also without the tool. Steel may look like the box, but hardly where the box changes.
     fn is_end_behind_box(&self, tube: &Tube, end_mm: f64) -> bool {
         /// Of the places: light on the box changes.
-        const MIN_SHOWN: f64 = 2.0 / 3.0;
-        /// Of the places: those next to the end lie in neighbouring cells, which show both sides of it.
-        const MIN_CHANGED: f64 = 0.5;
-        let shown = self.seen_about(tube, end_mm, |strips, [_, ahead]| strips.shows_lit_box(ahead));
-        let changed = || self.seen_about(tube, end_mm, |strips, [behind, ahead]| strips.box_changes(behind, ahead));
-        self.spec.has_jaws() && is_mostly(&shown, MIN_SHOWN) && is_mostly(&changed(), MIN_CHANGED)
+        const MIN_SHARE: f64 = 2.0 / 3.0;
+        let shown = self.seen_about(tube, end_mm, &AHEAD_DIAMETERS, |strips, [_, ahead]| strips.shows_lit_box(ahead));
+        let changed = || {
+            // Those next to the end lie in neighbouring cells, which show both sides of it.
+            let [_, apart @ ..] = &AHEAD_DIAMETERS;
+            self.seen_about(tube, end_mm, apart, |strips, [behind, ahead]| strips.box_changes(behind, ahead))
+        };
+        is_mostly(&shown, MIN_SHARE) && is_mostly(&changed(), MIN_SHARE) && !self.shows_hinge(tube, end_mm)
     }
 
-    /// What pairs of places behind and ahead of a place show, this far behind the tip (mm). Those ahead lie on the jaws.
+    /// What pairs of places show, so many diameters behind and ahead of a place this far behind the tip (mm). Those ahead
+    /// lie on the jaws.
     fn seen_about(
         &self,
         tube: &Tube,
         back_mm: f64,
+        apart_diameters: &[f64],
         shows: impl Fn(&FrameStrips<'_>, [Pixel; 2]) -> Option<bool>,
     ) -> Vec<bool> {
         let (Some(strips), Some(outline)) = (self.scene.strips, tube.outline()) else { return Vec::new() };
-        let places = AHEAD_DIAMETERS.into_iter().flat_map(|ahead| [-0.3, 0.0, 0.3].map(|across| (ahead, across)));
+        let places = apart_diameters.iter().flat_map(|apart| [-0.3, 0.0, 0.3].map(|across| (*apart, across)));
         let pairs = places.filter_map(|(ahead, across)| {
             let ahead_mm = ahead * self.spec.diameter_mm;
             let pixel = |back_mm| self.camera().project(CameraPoint(outline.rim(back_mm, across)));
