@@ -248,7 +248,7 @@ mod tests {
         let [bare, taped] = [true, false].map(|is_bare| never_seen(&quality, is_bare));
         assert_eq!([&*bare.slug, &*taped.slug], ["no-shaft-seen", "no-tool-seen"]);
         assert!(bare.detail.contains("poor fit") && !bare.detail.contains("tape"), "{bare:?}");
-        assert!(taped.detail.contains("mark the tape again"), "{taped:?}");
+        assert!(taped.detail.contains("mark the tape, or the bare shaft, again"), "{taped:?}");
     }
 
     #[test]

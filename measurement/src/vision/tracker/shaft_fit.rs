@@ -242,18 +242,26 @@ impl BandFit<'_> {
         !self.spec.has_jaws() || self.rows_across(tube).is_none_or(|rows| is_seen(&rows))
     }
 
-    /// Does a part of the box lie before the end, such as a peg? No hinge shows, the box shows where the jaws must be, and it
-    /// changes at the end also without the tool. Steel may look like the box, but hardly where the box changes.
+    /// Does a part of the box lie before the end, such as a peg? The box shows where the jaws must be, and it changes at the
+    /// end also without the tool. Steel may look like the box, but hardly where the box changes. A collar has borders.
     fn is_end_behind_box(&self, tube: &Tube, end_mm: f64) -> bool {
         /// Of the places: light on the box changes.
-        const MIN_SHARE: f64 = 2.0 / 3.0;
+        const MIN_SHOWN: f64 = 2.0 / 3.0;
+        /// Of the places: the part's edge may lie askew.
+        const MIN_CHANGED: f64 = 0.5;
         let shown = self.seen_about(tube, end_mm, &AHEAD_DIAMETERS, |strips, [_, ahead]| strips.shows_lit_box(ahead));
         let changed = || {
             // Those next to the end lie in neighbouring cells, which show both sides of it.
             let [_, apart @ ..] = &AHEAD_DIAMETERS;
             self.seen_about(tube, end_mm, apart, |strips, [behind, ahead]| strips.box_changes(behind, ahead))
         };
-        is_mostly(&shown, MIN_SHARE) && is_mostly(&changed(), MIN_SHARE) && !self.shows_hinge(tube, end_mm)
+        let ahead_mm = self.spec.collar_mm() + end_mm;
+        let shows_collar = || {
+            let rows = self.rows_across(tube).unwrap_or_default();
+            ahead_mm > 0.0 && shaft_colour_end::shows_collar(&rows, ahead_mm, 0.0)
+        };
+        let is_possible = self.spec.has_jaws() && is_mostly(&shown, MIN_SHOWN) && is_mostly(&changed(), MIN_CHANGED);
+        is_possible && !shows_collar()
     }
 
     /// What pairs of places show, so many diameters behind and ahead of a place this far behind the tip (mm). Those ahead
