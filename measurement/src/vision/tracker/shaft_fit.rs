@@ -242,8 +242,9 @@ impl BandFit<'_> {
         !self.spec.has_jaws() || self.rows_across(tube).is_none_or(|rows| is_seen(&rows))
     }
 
-    /// Does a part of the box lie before the end, such as a peg? The box shows where the jaws must be, and it changes at the
-    /// end also without the tool. Steel may look like the box, but hardly where the box changes. A collar has borders.
+    /// Does a part of the box lie before the end, such as a peg? The box shows where the jaws must be, and either a given
+    /// collar does not show there, or the box changes at the end also without the tool. Steel may look like the box, but
+    /// hardly where the box changes.
     fn is_end_behind_box(&self, tube: &Tube, end_mm: f64) -> bool {
         /// Of the places: light on the box changes.
         const MIN_SHOWN: f64 = 2.0 / 3.0;
@@ -255,13 +256,14 @@ impl BandFit<'_> {
             let [_, apart @ ..] = &AHEAD_DIAMETERS;
             self.seen_about(tube, end_mm, apart, |strips, [behind, ahead]| strips.box_changes(behind, ahead))
         };
-        let ahead_mm = self.spec.collar_mm() + end_mm;
+        // Ahead of the tube's own end a given collar must show, whatever the box looks like.
+        let collar_mm = self.spec.collar_mm() + end_mm;
         let shows_collar = || {
             let rows = self.rows_across(tube).unwrap_or_default();
-            ahead_mm > 0.0 && shaft_colour_end::shows_collar(&rows, ahead_mm, 0.0)
+            shaft_colour_end::shows_collar(&rows, collar_mm, 0.0)
         };
-        let is_possible = self.spec.has_jaws() && is_mostly(&shown, MIN_SHOWN) && is_mostly(&changed(), MIN_CHANGED);
-        is_possible && !shows_collar()
+        let is_possible = self.spec.has_jaws() && is_mostly(&shown, MIN_SHOWN);
+        is_possible && if collar_mm > 0.0 { !shows_collar() } else { is_mostly(&changed(), MIN_CHANGED) }
     }
 
     /// What pairs of places show, so many diameters behind and ahead of a place this far behind the tip (mm). Those ahead
