@@ -99,7 +99,7 @@ const TapeFields = ({ tool, text, size }) => html`
 function BareFields({ tool, text, size, onChange }) {
   const { marker } = tool;
   // Fixed at first: it must not close around the field that is being emptied.
-  const [opened] = useState(marker.collar_mm != null || marker.jaw_mm != null);
+  const [opened] = useState((marker.collar_mm ?? marker.jaw_mm ?? null) !== null);
   const length = name => ({ target }) => onChange({ marker: { ...marker, [name]: sizeIn(target) } });
   return html`
     <div class="fields">
