@@ -76,7 +76,7 @@ mod tests {
         let frame = picture(&|cell| [(cell % 256) as u8, 90 + (cell % 77) as u8, 128]);
         let shaft = ShaftColour::new(&[[30, 128, 128], [40, 127, 129]]).unwrap();
         let any = AnyColour::new([&empty, &frame]);
-        let background = Background::from_empty(&empty, &[empty.clone()], &shaft, &any).unwrap();
+        let background = Background::from_empty(&empty, std::slice::from_ref(&empty), &shaft, &any).unwrap();
         let appearance = ShaftAppearance { shaft, any, background };
         let exact = |(cell, codes): (usize, &[u8; 3])| {
             let codes = codes.map(f32::from);

@@ -47,7 +47,7 @@ impl ShaftLines {
     /// From both borders, each from the rim to the end. `None` if they enclose nothing.
     pub fn new(borders: [[Point2<f64>; 2]; 2]) -> Option<Self> {
         let [from, to] = [0, 1].map(|end| center(&borders[0][end], &borders[1][end]));
-        let [one, other] = borders.map(|border| line_through(border));
+        let [one, other] = borders.map(line_through);
         Self::between([one?, other?], from, to)
     }
 

@@ -149,7 +149,7 @@ fn a_tool_that_moves_along_the_line_of_sight_rests_in_the_picture() {
     // Every 6 s a stroke of 40 mm across the picture and one in depth, each in 1.5 s before a rest of 1.5 s.
     let path = |t: f64| {
         let (lap, left) = ((t / 6.0).floor(), t % 6.0);
-        let place = |u: f64| if lap as usize % 2 == 0 { 40.0 * stroke(u) } else { 40.0 * (1.0 - stroke(u)) };
+        let place = |u: f64| if (lap as usize).is_multiple_of(2) { 40.0 * stroke(u) } else { 40.0 * (1.0 - stroke(u)) };
         Point3::new(place(left / 1.5), 0.0, 180.0 + place((left - 3.0) / 1.5))
     };
     let got = score(&record(&times(50.0, 8.0 * 6.0 + 3.0), &[&path]));
@@ -167,7 +167,7 @@ fn a_tool_that_moves_along_the_line_of_sight_rests_in_the_picture() {
 fn in_the_picture_a_hand_that_moves_in_depth_alone_leaves_the_work_to_the_other() {
     let strokes = |t: f64| {
         let place = stroke((t % 3.0) / 1.5);
-        40.0 * if (t / 3.0) as usize % 2 == 0 { place } else { 1.0 - place }
+        40.0 * if ((t / 3.0) as usize).is_multiple_of(2) { place } else { 1.0 - place }
     };
     let across = |t: f64| Point3::new(strokes(t), 0.0, 180.0);
     let in_depth = |t: f64| Point3::new(100.0, 0.0, 180.0 + strokes(t));
