@@ -95,6 +95,9 @@ const PORT_MOVED: &str = "put the trocar back; if it stays there or the camera w
                           the box again. Positions and paths cannot be compared with earlier ones; lengths and speeds \
                           are right only if it is the same camera with the same zoom and focus";
 
+/// What to do about large error bars of a tool with tape.
+const ERROR_BAR: &str = "move the camera closer, record a larger picture, and enter the length of its tape";
+
 /// What to do about a tool without tape.
 const BARE_TOOL: &str = "compare features whose errors are small. Most of the error is along the camera's line of \
                          sight; with tape it is smaller";
@@ -395,9 +398,7 @@ impl QualityCause {
                 "use more light, a larger picture or a camera closer to the tools, and enter the length of its tape"
             }
             QualityCause::ErrorBar if is_bare => "move the camera closer, or record a larger picture",
-            QualityCause::ErrorBar => {
-                "move the camera closer, record a larger picture, and enter the length of its tape"
-            }
+            QualityCause::ErrorBar => ERROR_BAR,
             QualityCause::Calibration => "calibrate again with a flat board, sharp photos and tilted views",
             QualityCause::CutFile => "send the whole recording again; the file was cut off or damaged",
             QualityCause::Interlaced => {

@@ -99,8 +99,7 @@ impl QualityCause {
             // An object mistaken for the tape is followed as smoothly, 148 mm beside it. Only a trocar that the axes
             // show excludes it; then the session is usable with care.
             QualityCause::ColourBackground => at_least(MARGIN_STEPS[0], MARGIN_STEPS[1]),
-            // Two tools of one colour are distinguished by their origin and their motion.
-            QualityCause::ColourPair => care_at_least(MARGIN_STEPS[0]),
+            QualityCause::ColourPair => care_at_least(MARGIN_STEPS[0]), // origin and motion distinguish the two
             // Below one half, sums describe the camera's view more than the hand's motion (as `min_seen_share`). A
             // missing tenth takes about a tenth off every sum, as much as practice gains in a few repetitions.
             QualityCause::Coverage => at_least(0.9, 0.5),
@@ -162,8 +161,7 @@ impl QualityCause {
             // From the moment of the movement on, positions are displaced by this much, and the path has a jump. Noise
             // of the figure is 0.2 mm; an automatic focus that changes the scale by 5 % stays below the limit.
             QualityCause::CameraMovedDuring => care_at_most(MAX_DISPLACEMENT_MM),
-            // The search for the shift is right to a third of this.
-            QualityCause::ViewShifted => care_at_most(MIN_SHIFT),
+            QualityCause::ViewShifted => care_at_most(MIN_SHIFT), // the search for the shift is right to a third of it
             QualityCause::CameraMoved | QualityCause::PortMoved => care_at_most(MAX_DISPLACEMENT_MM),
         }
     }

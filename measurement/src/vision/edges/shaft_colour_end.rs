@@ -55,7 +55,7 @@ pub fn reaches(rows: &[ShaftRow], diameter_mm: f64, back_mm: f64) -> bool {
     last.zip(far).is_none_or(|(last, far)| median_distance(&last, &far) < CLEAR_CODES)
 }
 
-/// Does the colour between the borders change clearly at the assumed tip, whatever lies behind and ahead?
+/// Does the colour between the borders change clearly at the assumed tip?
 pub fn changes(rows: &[ShaftRow], diameter_mm: f64) -> bool {
     /// Rows next to the tip show both sides of it, blurred.
     const BLURRED_DIAMETERS: f64 = 0.1;

@@ -256,7 +256,7 @@ impl BandFit<'_> {
             let [_, apart @ ..] = &AHEAD_DIAMETERS;
             self.seen_about(tube, end_mm, apart, |strips, [behind, ahead]| strips.box_changes(behind, ahead))
         };
-        // Ahead of the tube's own end a given collar must show, whatever the box looks like.
+        // Ahead of the tube's own end a given collar must show.
         let collar_mm = self.spec.collar_mm() + end_mm;
         let shows_collar = || {
             let rows = self.rows_across(tube).unwrap_or_default();
