@@ -69,7 +69,7 @@ pub fn changes(rows: &[ShaftRow], diameter_mm: f64) -> bool {
 }
 
 /// Is the tool as wide as the tube ahead of a place, this far behind the assumed tip (mm), over most of a collar's length?
-/// Then the colour ends with the tube and not with a collar of its colour, ahead of which a narrower hinge begins.
+/// Then the colour ends with the tube. Ahead of a collar of the same colour, a narrower hinge begins.
 pub fn shows_collar(rows: &[ShaftRow], collar_mm: f64, back_mm: f64) -> bool {
     let is_on_collar = |row: &&ShaftRow| (0.1 * collar_mm..0.9 * collar_mm).contains(&(back_mm - row.back_mm));
     let on_collar: Vec<&ShaftRow> = rows.iter().filter(is_on_collar).collect();
