@@ -1,4 +1,4 @@
-//! Fits a bare tube up to its end: at its rim, or where its full width ends.
+//! Fits a bare tube up to its end: at its rim, or where its full width or its colour ends.
 //!
 //! A shaft that turns into steel or into the box has an edge along its whole rim. Jaws in its own colour leave only
 //! pieces of one, and have edges of their own. A tip on such an edge would be a centimetre off and look right.
@@ -65,7 +65,7 @@ const AHEAD_DIAMETERS: [f64; 3] = [0.1, 0.3, 0.5];
 const MIN_PLACES: usize = 6;
 
 impl BandFit<'_> {
-    /// Fits a bare tube, whose end may be its rim or the end of its full width.
+    /// Fits a bare tube. Its end shows as its rim, or as the end of its full width or of its colour.
     pub(super) fn fit_shaft(
         &self,
         start: &Tube,
