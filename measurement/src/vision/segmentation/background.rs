@@ -3,7 +3,8 @@
 //! **In** the picture of the empty box, or cells of frames spread over the recording. **Out** the usual codes of each
 //! cell, and how far a frame's cell agrees with them. **Method** From frames, each cell's median luma, weighted with the
 //! probability that the cell does *not* show the shaft, and the mean codes near it. Nothing is learned under a shaft,
-//! so a tool at rest does not become background as it does in the thesis (METHOD 3.6, T 5.1).
+//! so a tool at rest does not become background as it does in the thesis (METHOD 3.6, T 5.1). Its jaws do not look like the
+//! shaft: once its ends are known, the cells ahead of them are [learned again](Background::learn_beside).
 
 use super::cells::{CellGrid, CellPicture};
 use super::shaft_colour::{AnyColour, ShaftColour};
@@ -43,6 +44,8 @@ pub struct Background {
     noise: [f32; 3],
     /// Log density of the usual codes themselves in the box as usual.
     same_normaliser: f32,
+    /// Is the box itself known in the cell? Not where something covered it on all frames.
+    is_known: Vec<bool>,
 }
 
 /// Largest log density below that of the box's own codes where the box may still show, nats: 3.6 standard deviations of
@@ -53,21 +56,41 @@ impl Background {
     /// From frames spread over the recording, at least one, all of one size.
     pub fn from_frames(frames: &[CellPicture], shaft: &ShaftColour, any: &AnyColour) -> Option<Self> {
         let grid = frames.first()?.grid;
-        let mut samples: Vec<(f32, f32, [f32; 3])> = Vec::with_capacity(frames.len());
+        let mut samples: Vec<WeightedSample> = Vec::with_capacity(frames.len());
         let usual = (0..grid.count()).map(|cell| {
             samples.clear();
-            samples.extend(frames.iter().map(|frame| {
-                let codes = frame.codes[cell].map(f32::from);
-                let ratio = (shaft.log_density(codes) - any.log_density(codes)).clamp(-20.0, 20.0);
-                (codes[0], 1.0 / (1.0 + ratio.exp()) + LEAST_WEIGHT, codes)
-            }));
-            usual_codes(&mut samples)
+            samples.extend(frames.iter().map(|frame| sample(frame.codes[cell], shaft, any)));
+            usual_codes(&mut samples).0
         });
         let mut background = Self::new(grid, usual.collect(), frames, shaft, any);
         if frames.len() == 1 {
             background.like_shaft_share = 0.0;
         }
         Some(background)
+    }
+
+    /// Learns the cells again that the jaws of the tools often covered: `covered` are those of each of these frames. What
+    /// the other frames show there is the box. If they show only the shaft, or there are too few, the cell is unknown.
+    pub fn learn_beside(&mut self, frames: &[(&CellPicture, Vec<usize>)], shaft: &ShaftColour, any: &AnyColour) {
+        /// A cell is learned again if it was covered on this share of the frames: together with the shaft, that may be
+        /// most of them.
+        const MIN_COVERED: f64 = 0.25;
+        /// Least number of frames that must show the box: one alone may show a thing that passes.
+        const MIN_SHOWN: f32 = 2.0;
+        let mut counts = vec![0usize; self.usual.len()];
+        frames.iter().flat_map(|(_, covered)| covered).for_each(|cell| counts[*cell] += 1);
+        let often = |count: usize| count > 0 && count as f64 >= MIN_COVERED * frames.len() as f64;
+        for cell in (0..counts.len()).filter(|cell| often(counts[*cell])) {
+            let free = frames.iter().filter(|(_, covered)| !covered.contains(&cell));
+            let mut samples: Vec<WeightedSample> =
+                free.map(|(frame, _)| sample(frame.codes[cell], shaft, any)).collect();
+            let (codes, weight) = usual_codes(&mut samples);
+            self.is_known[cell] = weight >= MIN_SHOWN;
+            if self.is_known[cell] {
+                self.usual[cell] = codes;
+                self.like_shaft[cell] = shaft.log_density(codes) > any.log_density(codes);
+            }
+        }
     }
 
     /// From the picture of the empty box. Its exposure may differ from the recording's: its luma is scaled by the
@@ -105,7 +128,8 @@ impl Background {
         });
         let [y, u, v]: [f32; 3] = noise;
         let same_normaliser = -1.5 * std::f32::consts::TAU.ln() - (y * u * v).ln();
-        Self { grid, usual, like_shaft, like_shaft_share: LIKE_SHAFT_SHARE, noise, same_normaliser }
+        let is_known = vec![true; grid.count()];
+        Self { grid, usual, like_shaft, like_shaft_share: LIKE_SHAFT_SHARE, noise, same_normaliser, is_known }
     }
 
     /// The cells.
@@ -133,6 +157,12 @@ impl Background {
             cell.saturating_sub(1)..(cell + 2).min(count)
         };
         near(y, rows).flat_map(move |row| near(x, columns).map(move |column| row * columns + column))
+    }
+
+    /// Is the box itself known at a pixel?
+    pub fn is_known_at(&self, [x, y]: [usize; 2]) -> bool {
+        let CellGrid { cell_px, columns, rows } = self.grid;
+        self.is_known[(y / cell_px).min(rows - 1) * columns + (x / cell_px).min(columns - 1)]
     }
 
     /// May the box, lit or in shade, show these mean codes of a patch about a pixel, as large as a cell? The patch may
@@ -216,10 +246,21 @@ fn shade_log_density(codes: [f32; 3], usual: [f32; 3]) -> f32 {
     luma - (std::f32::consts::TAU * variance).ln() - 3.0 * (0.25 * off / variance).ln_1p()
 }
 
-/// The mean of the codes near the weighted median luma, from (luma, weight, codes).
-fn usual_codes(samples: &mut [(f32, f32, [f32; 3])]) -> [f32; 3] {
+/// Luma, weight and codes of a cell on one frame.
+type WeightedSample = (f32, f32, [f32; 3]);
+
+/// A sample of the box: its weight is the probability that the cell does not show the shaft.
+fn sample(codes: [u8; 3], shaft: &ShaftColour, any: &AnyColour) -> WeightedSample {
+    let codes = codes.map(f32::from);
+    let ratio = (shaft.log_density(codes) - any.log_density(codes)).clamp(-20.0, 20.0);
+    (codes[0], 1.0 / (1.0 + ratio.exp()) + LEAST_WEIGHT, codes)
+}
+
+/// The mean of the codes near the weighted median luma, and the sum of the weights.
+fn usual_codes(samples: &mut [WeightedSample]) -> ([f32; 3], f32) {
     samples.sort_by(|one, other| one.0.total_cmp(&other.0));
-    let half = 0.5 * samples.iter().map(|(_, weight, _)| weight).sum::<f32>();
+    let weight = samples.iter().map(|(_, weight, _)| weight).sum::<f32>();
+    let half = 0.5 * weight;
     let mut sum = 0.0;
     let middle = samples.iter().find(|(_, weight, _)| {
         sum += weight;
@@ -230,7 +271,7 @@ fn usual_codes(samples: &mut [(f32, f32, [f32; 3])]) -> [f32; 3] {
     let (count, total) = near.fold((0.0f32, [0.0; 3]), |(count, total), (.., codes)| {
         (count + 1.0, std::array::from_fn(|part| total[part] + codes[part]))
     });
-    total.map(|total| total / count.max(1.0))
+    (total.map(|total| total / count.max(1.0)), weight)
 }
 
 fn median(mut values: Vec<f32>) -> Option<f32> {
@@ -280,6 +321,25 @@ mod tests {
     fn a_shaft_that_rests_for_most_of_the_recording_is_not_learned() {
         assert_eq!(background(9).usual[0], MAT.map(f32::from));
         assert!(!background(9).is_like_shaft(0));
+    }
+
+    #[test]
+    fn jaws_that_rest_are_not_the_box() {
+        const STEEL: [u8; 3] = [110, 126, 131];
+        let learned = |covered: usize| {
+            let mut pictures = frames(0);
+            pictures[..covered].iter_mut().for_each(|picture| picture.codes[0] = STEEL);
+            let (shaft, any) = (shaft(), AnyColour::new(&pictures));
+            let mut background = Background::from_frames(&pictures, &shaft, &any).unwrap();
+            let cells = |i: usize| if i < covered { vec![0] } else { Vec::new() };
+            let frames: Vec<(&CellPicture, Vec<usize>)> =
+                pictures.iter().enumerate().map(|(i, picture)| (picture, cells(i))).collect();
+            background.learn_beside(&frames, &shaft, &any);
+            background
+        };
+        assert_eq!(learned(8).usual[0], MAT.map(f32::from), "two frames show the box");
+        assert!(learned(8).is_known_at([0, 0]) && !learned(9).is_known_at([0, 0]), "one frame may show anything");
+        assert!(learned(10).is_known_at([GRID.cell_px, 0]), "no jaws there");
     }
 
     #[test]

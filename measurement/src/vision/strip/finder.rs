@@ -3,16 +3,17 @@
 
 use std::cell::OnceCell;
 
-use nalgebra::{Point2, Vector3};
+use nalgebra::{Point2, Vector2, Vector3};
 
 use super::borders::StripRows;
 use super::grid::{GridMap, UndistortedGrid};
+use super::meeting_point::TrocarOfTool;
 use super::search::{SearchLimits, search, width_limits};
 use super::{Strip, end_step, meeting_point, outline};
 use crate::vision::camera::Camera;
 use crate::vision::frame::Frame;
 use crate::vision::segmentation::background::Background;
-use crate::vision::segmentation::cells::CellPicture;
+use crate::vision::segmentation::cells::{CellGrid, CellPicture};
 use crate::vision::segmentation::shaft_colour::{AnyColour, ShaftColour};
 use crate::vision::segmentation::shaft_evidence::ShaftAppearance;
 use crate::vision::space::{HandSide, Pixel};
@@ -36,6 +37,8 @@ pub struct StripFinder {
     inside: GridMap,
     appearance: ShaftAppearance,
     tools: Vec<(BareTool, Option<Vector3<f64>>)>,
+    /// The box was learned from a picture without tools.
+    is_box_empty: bool,
 }
 
 impl StripFinder {
@@ -51,26 +54,68 @@ impl StripFinder {
         /// Frames for the colours of anything.
         const COLOUR_FRAMES: usize = 20;
         let any = AnyColour::new(spread(frames, COLOUR_FRAMES));
-        let background = empty
-            .and_then(|empty| Background::from_empty(empty, frames, &shaft, &any))
-            .or_else(|| Background::from_frames(frames, &shaft, &any))?;
+        let of_empty = empty.and_then(|empty| Background::from_empty(empty, frames, &shaft, &any));
+        let is_box_empty = of_empty.is_some();
+        let background = of_empty.or_else(|| Background::from_frames(frames, &shaft, &any))?;
         let grid = UndistortedGrid::new(camera)?;
         let inside = grid.inside();
         let appearance = ShaftAppearance { shaft, any, background };
-        Some(Self { grid, inside, appearance, tools: tools.iter().map(|tool| (*tool, None)).collect() })
+        let tools = tools.iter().map(|tool| (*tool, None)).collect();
+        Some(Self { grid, inside, appearance, tools, is_box_empty })
     }
 
     /// Finds the trocars of tools that turned about them by at least `min_turn` ([`meeting_point::turn`]). This
-    /// searches many whole pictures, which takes seconds.
+    /// searches many whole pictures, which takes seconds. Without a picture of the empty box, what is behind the jaws of
+    /// these tools is learned again.
     pub fn find_trocars(&mut self, frames: &[CellPicture], min_turn: f64) {
         const TROCAR_FRAMES: usize = 20;
-        let spread: Vec<GridMap> = spread(frames, TROCAR_FRAMES).map(|cells| self.evidence(cells)).collect();
-        let strips = |tool: usize| spread.iter().map(|evidence| self.strips(evidence, tool)).collect();
+        let pictures: Vec<&CellPicture> = spread(frames, TROCAR_FRAMES).collect();
+        let evidence: Vec<GridMap> = pictures.iter().map(|cells| self.evidence(cells)).collect();
+        let strips = |tool: usize| evidence.iter().map(|evidence| self.strips(evidence, tool)).collect();
         let of_tools: Vec<Vec<Vec<Strip>>> = (0..self.tools.len()).map(strips).collect();
-        let points = meeting_point::of_tools(of_tools, |at| self.may_be_trocar(at));
-        for ((_, trocar), point) in self.tools.iter_mut().zip(points) {
-            *trocar = point.filter(|(_, turn)| *turn >= min_turn).map(|(at, _)| at);
+        let found = meeting_point::of_tools(of_tools, |at| self.may_be_trocar(at));
+        for ((_, trocar), found) in self.tools.iter_mut().zip(&found) {
+            *trocar = found.as_ref().filter(|found| found.turn >= min_turn).map(|found| found.at);
         }
+        if !self.is_box_empty {
+            self.learn_behind_jaws(&pictures, &found);
+        }
+    }
+
+    /// Learns again what is behind the jaws of tools that are found on these pictures.
+    fn learn_behind_jaws(&mut self, pictures: &[&CellPicture], found: &[Option<TrocarOfTool>]) {
+        let covered = |frame: usize| {
+            let tools = self.tools.iter().zip(found);
+            let strips = tools.filter_map(|((tool, _), found)| Some((tool, found.as_ref()?.strips[frame].as_ref()?)));
+            strips.flat_map(|(tool, strip)| self.cells_of_jaws(strip, tool.diameter_mm)).collect()
+        };
+        let frames: Vec<(&CellPicture, Vec<usize>)> =
+            pictures.iter().enumerate().map(|(frame, cells)| (*cells, covered(frame))).collect();
+        let ShaftAppearance { shaft, any, background } = &mut self.appearance;
+        background.learn_beside(&frames, shaft, any);
+    }
+
+    /// Cells of a frame that the jaws ahead of a strip's end may cover. A cell may occur several times.
+    fn cells_of_jaws(&self, strip: &Strip, diameter_mm: f64) -> Vec<usize> {
+        /// Longest jaws with their collar, mm (MARKERS 5.2), and the error of a rough end, widths.
+        const JAWS_MM: f64 = 30.0;
+        const END_WIDTHS: f64 = 1.0;
+        /// How far open jaws reach from the axis, widths: next to the end, and at most, blades of 16 mm at 30°.
+        const ASIDE_WIDTHS: (f64, f64) = (0.75, 1.75);
+        let CellGrid { cell_px, columns, rows } = self.appearance.background.grid();
+        let [entry, end] = [strip.entry, strip.end].map(|at| self.grid.place(at));
+        let Some(along) = (end - entry).try_normalize(1e-9) else { return Vec::new() };
+        let (across, width) = (Vector2::new(-along.y, along.x), strip.width / self.grid.pitch);
+        let aside = |ahead: f64| width * (ASIDE_WIDTHS.0 + 0.5 * (ahead / width).max(0.0)).min(ASIDE_WIDTHS.1);
+        let [behind, ahead] = [-END_WIDTHS, END_WIDTHS + JAWS_MM / diameter_mm].map(|widths| widths * width);
+        let halves = |from: f64, to: f64| ((2.0 * from) as i32..=(2.0 * to) as i32).map(|i| 0.5 * f64::from(i));
+        let places = halves(behind, ahead)
+            .flat_map(|ahead| halves(-aside(ahead), aside(ahead)).map(move |aside| along * ahead + across * aside));
+        let cells = places.filter(|place| self.grid.is_inside(end + place)).map(|place| {
+            let [x, y] = pixel_of(self.grid.pixel(end + place));
+            (y / cell_px).min(rows - 1) * columns + (x / cell_px).min(columns - 1)
+        });
+        cells.collect()
     }
 
     /// Takes over the trocars that an earlier finder of the same tools knows and this one does not, unless this one has
@@ -173,21 +218,29 @@ impl<'a> FrameStrips<'a> {
         shaft.log_density(codes) > any.log_density(codes)
     }
 
-    /// Does the frame show the box without tools about a pixel, lit or in shade? `None` outside the picture.
+    /// Does the frame show the box without tools about a pixel, lit or in shade? `None` outside the picture, and where
+    /// the box is unknown.
     pub fn shows_box(&self, at: Pixel) -> Option<bool> {
-        Some(self.background().may_show(pixel_of(at), self.mean_about(at)?))
+        Some(self.known_box(at)?.may_show(pixel_of(at), self.mean_about(at)?))
     }
 
     /// The same of the box as it is usually lit.
     pub fn shows_lit_box(&self, at: Pixel) -> Option<bool> {
-        Some(self.background().may_show_lit(pixel_of(at), self.mean_about(at)?))
+        Some(self.known_box(at)?.may_show_lit(pixel_of(at), self.mean_about(at)?))
     }
 
-    /// Does the box without tools look otherwise at one pixel than about another? `None` outside the picture.
+    /// Does the box without tools look otherwise at one pixel than about another? `None` outside the picture, and where
+    /// the box is unknown.
     pub fn box_changes(&self, one: Pixel, other: Pixel) -> Option<bool> {
+        self.known_box(one)?;
+        Some(self.known_box(other)?.changes_between(pixel_of(one), pixel_of(other)))
+    }
+
+    /// The box, if it is known at a pixel of the picture.
+    fn known_box(&self, at: Pixel) -> Option<&Background> {
         let (width, height) = (self.frame.width() as f64, self.frame.height() as f64);
-        let is_inside = |at: Pixel| (0.0..width).contains(&at.u()) && (0.0..height).contains(&at.v());
-        (is_inside(one) && is_inside(other)).then(|| self.background().changes_between(pixel_of(one), pixel_of(other)))
+        let is_inside = (0.0..width).contains(&at.u()) && (0.0..height).contains(&at.v());
+        Some(self.background()).filter(|background| is_inside && background.is_known_at(pixel_of(at)))
     }
 
     fn background(&self) -> &Background {
@@ -246,6 +299,33 @@ mod tests {
         let shaft = ShaftColour::new(&[[30, 128, 128]]).unwrap();
         let tools = [HandSide::Left, HandSide::Right].map(|side| BareTool { side: Some(side), diameter_mm: 5.0 });
         StripFinder::learn(&STRAIGHT, shaft, &tools, &[frame], None).unwrap()
+    }
+
+    #[test]
+    fn jaws_lie_ahead_of_the_end_of_a_strip() {
+        let finder = finder();
+        let at = |u: f64, v: f64| STRAIGHT.normalised_of(Pixel::new(u, v)).unwrap();
+        let (width, height) = (f64::from(STRAIGHT.width), f64::from(STRAIGHT.height));
+        let (entry, end) = (at(1.0, 0.5 * height), at(0.4 * width, 0.5 * height));
+        let strip = Strip {
+            borders: [[entry.0, end.0]; 2],
+            entry,
+            end,
+            width: 20.0 / STRAIGHT.fx,
+            length_widths: 10.0,
+            score: 1.0,
+            net_evidence: 1.0,
+            supported_share: 1.0,
+            end_step_codes: None,
+        };
+        let cells = finder.cells_of_jaws(&strip, 5.0);
+        let grid = finder.appearance.background.grid();
+        let covers = |ahead_px: f64, aside_px: f64| {
+            let [x, y] = [0.4 * width + ahead_px, 0.5 * height + aside_px].map(|px| px as usize / grid.cell_px);
+            cells.contains(&(y * grid.columns + x))
+        };
+        assert!(covers(0.0, 8.0) && covers(60.0, -25.0) && covers(115.0, 0.0), "20 px are 5 mm");
+        assert!(!covers(-40.0, 0.0) && !covers(60.0, 50.0) && !covers(160.0, 0.0));
     }
 
     /// Calls `with` on an even frame.

@@ -58,13 +58,21 @@ pub fn find(frames: &[Vec<Strip>], is_possible: impl Fn(Vector3<f64>) -> bool) -
     (passing.into_iter().flatten().count() >= MIN_FRAMES && is_possible(at)).then_some(found)
 }
 
-/// The points of several tools, and how far each turned about its own ([`turn`]). `tools` are the strips of each frame
-/// of each tool. A strip is only one tool, so the tool with the most score takes its strips first.
-pub fn of_tools(
-    tools: Vec<Vec<Vec<Strip>>>,
-    is_possible: impl Fn(Vector3<f64>) -> bool,
-) -> Vec<Option<(Vector3<f64>, f64)>> {
-    let mut points = vec![None; tools.len()];
+/// What the strips of a tool show of its trocar.
+#[derive(Clone, Debug)]
+pub struct TrocarOfTool {
+    /// The point of its strips, a unit vector.
+    pub at: Vector3<f64>,
+    /// How far the tool turned about it ([`turn`]).
+    pub turn: f64,
+    /// The strip of each frame that passes through it.
+    pub strips: Vec<Option<Strip>>,
+}
+
+/// The points of several tools. `tools` are the strips of each frame of each tool. A strip is only one tool, so the tool
+/// with the most score takes its strips first.
+pub fn of_tools(tools: Vec<Vec<Vec<Strip>>>, is_possible: impl Fn(Vector3<f64>) -> bool) -> Vec<Option<TrocarOfTool>> {
+    let mut points: Vec<Option<TrocarOfTool>> = tools.iter().map(|_| None).collect();
     let mut open: Vec<(usize, Vec<Vec<Strip>>)> = tools.into_iter().enumerate().collect();
     loop {
         let found = open.iter().map(|(_, frames)| find(frames, &is_possible)).enumerate();
@@ -73,11 +81,12 @@ pub fn of_tools(
             .max_by(|(_, one), (_, other)| one.score.total_cmp(&other.score));
         let Some((place, point)) = surest else { return points };
         let (tool, frames) = open.swap_remove(place);
-        points[tool] = Some((point.at, turn(&frames, point.at)));
+        let own: Vec<Option<Strip>> =
+            point.strips.iter().zip(&frames).map(|(strip, strips)| strip.map(|strip| strips[strip].clone())).collect();
         for (number, others) in open.iter_mut().flat_map(|(_, frames)| frames.iter_mut().enumerate()) {
-            let own = point.strips[number].map(|strip| &frames[number][strip]);
-            others.retain(|strip| own.is_none_or(|own| !strip.is_same_as(own)));
+            others.retain(|strip| own[number].as_ref().is_none_or(|own| !strip.is_same_as(own)));
         }
+        points[tool] = Some(TrocarOfTool { at: point.at, turn: turn(&frames, point.at), strips: own });
     }
 }
 
@@ -235,7 +244,7 @@ mod tests {
         let left: Vec<Vec<Strip>> =
             right.iter().enumerate().map(|(i, strips)| vec![strips[0].clone(), own(i)]).collect();
         let points = of_tools(vec![left, right], |_| true);
-        let [left, right] = [0, 1].map(|tool| points[tool].unwrap().0).map(|at| at.xy() / at.z);
+        let [left, right] = [0, 1].map(|tool| points[tool].as_ref().unwrap().at).map(|at| at.xy() / at.z);
         assert!((right - Vector2::new(1.9, 1.7)).norm() < 1e-3, "{right}");
         assert!(left.x < 0.0, "{left}");
     }
