@@ -30,6 +30,7 @@ use crate::sandbox::{Program, StopSwitch};
 use crate::shutdown::Shutdown;
 use crate::time::SharedClock;
 use crate::vault::{Vault, VaultError};
+use crate::vision::tracker::ToolSpec;
 
 /// A photo alone does not show the side of a square, so any value serves.
 const SQUARE_MM: f64 = 1.0;
@@ -96,7 +97,8 @@ impl QuickAnalysis {
         output.photo_check.ok_or_else(|| QuickAnalysisError::Crashed("sent no result for the photo".to_owned()))
     }
 
-    /// Shows the pixels that these marks classify as tape or as bare shaft on these frames; file `n` shows frame `frames[n]`.
+    /// Shows the pixels that these marks classify as tape or as bare shaft on these frames, and the shafts of tools without
+    /// tape; file `n` shows frame `frames[n]`.
     pub async fn preview(
         &self,
         annotations: &AnnotationsFile,
@@ -107,13 +109,16 @@ impl QuickAnalysis {
         let PaletteWork { marks, tools, .. } = work;
         let colours: Vec<String> = annotations.marked_colours().into_iter().map(str::to_owned).collect();
         let hashes: Vec<BlobHash> = files.iter().map(|file| file.blob.hash).collect();
-        let work = MaskWork { marks, tools, colours: colours.clone(), frames: frames.to_vec() };
+        let marked = annotations.marked_tools().unwrap_or_default(); // without usable tools, only the colours are shown
+        let bare: Vec<ToolSpec> = marked.into_iter().map(ToolSpec::from).filter(ToolSpec::is_bare).collect();
+        let places = frames.len() * bare.len();
+        let work = MaskWork { marks, tools, colours: colours.clone(), bare, frames: frames.to_vec() };
         let output = self.run(ChildWork::Mask(work), &hashes).await?.mask;
         match output.report {
-            Some(report) if output.masks.len() == frames.len() => {
-                Ok(PalettePreview { colours, frames: output.masks, report })
+            Some(report) if output.masks.len() == frames.len() && output.shafts.len() == places => {
+                Ok(PalettePreview { colours, frames: output.masks, shafts: output.shafts, report })
             }
-            _ => Err(QuickAnalysisError::Crashed("did not send a mask for every frame".to_owned())),
+            _ => Err(QuickAnalysisError::Crashed("did not send a mask and shafts for every frame".to_owned())),
         }
     }
 

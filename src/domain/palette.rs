@@ -48,6 +48,8 @@ pub struct PalettePreview {
     pub colours: Vec<String>,
     /// A mask for each frame, in the order they were sent.
     pub frames: Vec<FrameMask>,
+    /// The shaft of each tool without tape on each frame, or why there is none: frame by frame, then in the tools' order.
+    pub shafts: Vec<ShaftOnFrame>,
     /// The report that these colours would get once learned.
     #[serde(flatten)]
     pub report: PaletteReport,
@@ -73,7 +75,7 @@ pub struct FrameMask {
 }
 
 /// A tool's bare shaft on a frame that is looked at alone, without a camera. Places are `[x, y]`, pixels.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct ShaftOnFrame {
     /// The frame.
     pub frame: u64,

@@ -44,6 +44,7 @@ export function ColoursStep({ box, draft, stepHref, onChange }) {
     const mask = preview?.frames.find(one => one.frame === number);
     return mask && { ...mask, colours: preview?.colours };
   };
+  const shaftsOf = number => preview?.shafts.filter(one => one.frame === number) ?? [];
   const isDescribed = draft.plan.tools.length > 0 && draft.plan.tools.every(isComplete);
   if (draft.plan.tools.length === 0 && box.tools.length > 0)
     return html`
@@ -67,7 +68,7 @@ export function ColoursStep({ box, draft, stepHref, onChange }) {
       <${PaintPanel} draft=${draft} frame=${frame} colours=${colours} words=${own} inkOf=${ink}
         mask=${maskOf(frame.number)} />
       <${FrameStrip} draft=${draft} chosen=${frame.number} words=${own} onChoose=${setChosen} maskOf=${maskOf}
-        inkOf=${ink} isAsking=${isAsking} isShown=${Boolean(preview)} />
+        shaftsOf=${shaftsOf} inkOf=${ink} isAsking=${isAsking} isShown=${Boolean(preview)} />
       <${ProblemNotice} problem=${previewProblem} />
       ${preview && preview.verdicts.length > 0 && html`<section class="stack"><h3>${words.worth}</h3>
         <${Verdicts} verdicts=${preview.verdicts} /><${Confusion} rows=${preview.confusion} /></section>`}

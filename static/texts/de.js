@@ -1588,7 +1588,12 @@ export default {
         paintFirst: 'Malen Sie auf einen Schaft, um ihn zu sehen.',
         unmarkedShaft: 'Noch ist kein Stück eines Schafts markiert',
         noBackground: 'Noch ist kein Hintergrund markiert',
-        judged: 'Ein Schaft wird hier nicht beurteilt. Ob er sich verfolgen lässt, zeigt eine Aufnahme.',
+        shaft: {
+          whole: tool => `${tool}: Schaft mit Ende gefunden`,
+          edges: tool => `${tool}: Schaft gefunden, sein Ende ist nicht klar`,
+          nothing: tool => `${tool}: kein Schaft gefunden`,
+        },
+        judged: 'Weiße Linien: die Schäfte, die auf jedem Bild für sich gefunden werden. Eine Aufnahme wird gründlicher durchsucht. Ein Schaft, der auf manchen Bildern fehlt, lässt sich also trotzdem verfolgen. Fehlt er auf allen, markieren Sie mehr von ihm oder mehr Hintergrund.',
       },
       empty: {
         title: 'Die leere Box',

@@ -1484,7 +1484,12 @@ export default {
         paintFirst: 'Paint on a shaft to see it.',
         unmarkedShaft: 'No piece of a shaft is marked yet',
         noBackground: 'No background is marked yet',
-        judged: 'No verdict is given on a shaft here. A recording shows whether it can be followed.',
+        shaft: {
+          whole: tool => `${tool}: shaft found, with its end`,
+          edges: tool => `${tool}: shaft found, its end is not clear`,
+          nothing: tool => `${tool}: no shaft found`,
+        },
+        judged: 'White lines: the shafts that are found on each frame alone. A recording is searched more thoroughly, so a shaft that is missing on some frames can still be followed. If it is found on none, mark more of it, or more background.',
       },
       empty: {
         title: 'The empty box',

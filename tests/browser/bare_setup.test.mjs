@@ -93,6 +93,31 @@ const mean = values => values.reduce((sum, value) => sum + value, 0) / values.le
 /** The middle of a frame, s. */
 const moment = frame => (frame + 0.5) / truth.fps;
 
+/**
+ * For each outlined shaft, the distance between its middle line and the nearest mark on a shaft of that frame, as a share
+ * of the picture's width.
+ */
+async function outlinesApart(chosen) {
+  const middle = ({ x, y, w, h }) => [x + w / 2, y + h / 2];
+  const apart = [];
+  for (const [index, frame] of chosen.entries()) {
+    const marked = marks.labels.filter(one => one.frame === frame && one.label === 'shaft').map(middle);
+    if (marked.length === 0) continue;
+    const { width, shafts } = await page.locator('.frames .look').nth(index).locator('svg.shafts').evaluate(svg => ({
+      width: svg.viewBox.baseVal.width,
+      shafts: [...svg.querySelectorAll('g')].map(group =>
+        [...group.querySelectorAll('line')].slice(0, 2).map(line => ['x1', 'y1', 'x2', 'y2'].map(name => Number(line.getAttribute(name)))),
+      ),
+    }));
+    for (const [one, other] of shafts) {
+      const [x1, y1, x2, y2] = one.map((value, i) => (value + other[i]) / 2);
+      const distance = ([x, y]) => Math.abs((x2 - x1) * (y1 - y) - (x1 - x) * (y2 - y1)) / Math.hypot(x2 - x1, y2 - y1);
+      apart.push(Math.min(...marked.map(distance)) / width);
+    }
+  }
+  return apart;
+}
+
 test('strokes on shafts and on background show the shafts on every frame', async () => {
   await goTo('Colours');
   await page.getByLabel('A recording of the box').setInputFiles(join(scene, 'clip.mp4'));
@@ -114,6 +139,9 @@ test('strokes on shafts and on background show the shafts on every frame', async
     for (const one of marks.labels.filter(({ frame: own }) => own === frame)) share[one.label].push(await covered(page, index, one));
   const [shaft, background] = [mean(share.shaft), mean(share.background)];
   assert.ok(shaft > 0.5 && background < shaft, `of the shafts ${shaft}, of the background ${background}`);
+  const apart = await outlinesApart(chosen);
+  assert.ok(apart.length > chosen.length && Math.max(...apart) < 0.1, `found and marked middles are apart by ${apart} of the picture`);
+  assert.equal(await page.locator('[data-shaft]').count(), 2 * chosen.length, 'each frame says what was found of both');
   await checkStep('colours');
 });
 
