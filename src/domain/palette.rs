@@ -81,18 +81,14 @@ pub struct ShaftOnFrame {
     pub frame: u64,
     /// The tool's name.
     pub tool: String,
-    /// Both edges, each from the picture's rim to the shaft's end, or to the last place that shows both; absent if they
+    /// Both edges, each from the picture's rim to the shaft's end, or to the last place that shows both; `null` if they
     /// were not found.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edges_px: Option<[[[f64; 2]; 2]; 2]>,
     /// Share of the edges that shows a step of the colour, 0..1: of the edge that shows less.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edges_shown: Option<f64>,
-    /// Where the shaft's middle ends; absent if that is hidden or not clear.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Where the shaft's middle ends; `null` if that is hidden or not clear.
     pub end_px: Option<[f64; 2]>,
-    /// Why the edges or the end are missing; absent if both were found.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Why the edges or the end are missing; `null` if both were found.
     pub reason: Option<String>,
 }
 

@@ -68,7 +68,7 @@ fn shafts_of_a_rendered_scene_are_where_the_truth_is_on_each_frame_alone() {
             let [same, crossed] = [off(one, other), off(other, one)];
             off_edges.extend(if same[0] < crossed[0] { same } else { crossed });
         }
-        if let Some(end) = shaft.get("end_px") {
+        if let Some(end) = shaft.get("end_px").filter(|end| !end.is_null()) {
             off_ends.push((point(end) - pixel(outline.rim(0.0, 0.0))).norm());
         }
     }
@@ -133,7 +133,7 @@ fn shafts_of_real_pictures_are_where_people_saw_them() {
                 .map(|order| [off(&labels.edges[0], edges[order[0]]), off(&labels.edges[1], edges[order[1]])].concat());
             let sum = |px: &[f64]| px.iter().sum::<f64>();
             off_edges.extend(if sum(&same) < sum(&crossed) { same } else { crossed });
-            let end = shaft.get("end_px").unwrap_or_else(|| panic!("{name}: {shaft}"));
+            let end = shaft.get("end_px").filter(|end| !end.is_null()).unwrap_or_else(|| panic!("{name}: {shaft}"));
             let [rim, to] = [0, 1].map(|at| center(&edges[0][at], &edges[1][at]));
             let width = (edges[0][1] - edges[1][1]).norm();
             off_joints.push((point(end) + (to - rim).normalize() * JOINT_AHEAD * width - labels.joint).norm());
@@ -161,5 +161,5 @@ fn a_tool_that_is_not_in_the_picture_is_not_found() {
     fs::write(folder.path().join("annotations.json"), annotations.to_string()).unwrap();
     let found = shafts(folder.path());
     assert_eq!(found.len(), 1);
-    assert!(found[0].get("edges_px").is_none() && found[0]["reason"].is_string(), "{found:?}");
+    assert!(found[0]["edges_px"].is_null() && found[0]["reason"].is_string(), "{found:?}");
 }
