@@ -15,4 +15,4 @@ pub mod stretches;
 
 /// Version of the whole chain from pixels to features. Raised whenever the same input gives other numbers. Stored with
 /// every result, so that results of different versions are never compared by mistake.
-pub const PIPELINE_VERSION: &str = "23";
+pub const PIPELINE_VERSION: &str = "24";

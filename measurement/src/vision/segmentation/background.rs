@@ -6,6 +6,8 @@
 //! so a tool at rest does not become background as it does in the thesis (METHOD 3.6, T 5.1). Its jaws do not look like the
 //! shaft: once its ends are known, the cells ahead of them are [learned again](Background::learn_beside).
 
+use std::collections::BTreeSet;
+
 use super::cells::{CellGrid, CellPicture};
 use super::shaft_colour::{AnyColour, ShaftColour};
 
@@ -71,7 +73,7 @@ impl Background {
 
     /// Learns the cells again that the jaws of the tools often covered: `covered` are those of each of these frames. What
     /// the other frames show there is the box. If they show only the shaft, or there are too few, the cell is unknown.
-    pub fn learn_beside(&mut self, frames: &[(&CellPicture, Vec<usize>)], shaft: &ShaftColour, any: &AnyColour) {
+    pub fn learn_beside(&mut self, frames: &[(&CellPicture, BTreeSet<usize>)], shaft: &ShaftColour, any: &AnyColour) {
         /// A cell is learned again if it was covered on this share of the frames: together with the shaft, that may be
         /// most of them.
         const MIN_COVERED: f64 = 0.25;
@@ -331,8 +333,8 @@ mod tests {
             pictures[..covered].iter_mut().for_each(|picture| picture.codes[0] = STEEL);
             let (shaft, any) = (shaft(), AnyColour::new(&pictures));
             let mut background = Background::from_frames(&pictures, &shaft, &any).unwrap();
-            let cells = |i: usize| if i < covered { vec![0] } else { Vec::new() };
-            let frames: Vec<(&CellPicture, Vec<usize>)> =
+            let cells = |i: usize| (0..1).filter(|_| i < covered).collect();
+            let frames: Vec<(&CellPicture, BTreeSet<usize>)> =
                 pictures.iter().enumerate().map(|(i, picture)| (picture, cells(i))).collect();
             background.learn_beside(&frames, &shaft, &any);
             background

@@ -2,6 +2,7 @@
 //! and surer.
 
 use std::cell::OnceCell;
+use std::collections::BTreeSet;
 
 use nalgebra::{Point2, Vector2, Vector3};
 
@@ -89,14 +90,14 @@ impl StripFinder {
             let strips = tools.filter_map(|((tool, _), found)| Some((tool, found.as_ref()?.strips[frame].as_ref()?)));
             strips.flat_map(|(tool, strip)| self.cells_of_jaws(strip, tool.diameter_mm)).collect()
         };
-        let frames: Vec<(&CellPicture, Vec<usize>)> =
+        let frames: Vec<(&CellPicture, BTreeSet<usize>)> =
             pictures.iter().enumerate().map(|(frame, cells)| (*cells, covered(frame))).collect();
         let ShaftAppearance { shaft, any, background } = &mut self.appearance;
         background.learn_beside(&frames, shaft, any);
     }
 
-    /// Cells of a frame that the jaws ahead of a strip's end may cover. A cell may occur several times.
-    fn cells_of_jaws(&self, strip: &Strip, diameter_mm: f64) -> Vec<usize> {
+    /// Cells of a frame that the jaws ahead of a strip's end may cover.
+    fn cells_of_jaws(&self, strip: &Strip, diameter_mm: f64) -> BTreeSet<usize> {
         /// Longest jaws with their collar, mm (MARKERS 5.2), and the error of a rough end, widths.
         const JAWS_MM: f64 = 30.0;
         const END_WIDTHS: f64 = 1.0;
@@ -104,7 +105,7 @@ impl StripFinder {
         const ASIDE_WIDTHS: (f64, f64) = (0.75, 1.75);
         let CellGrid { cell_px, columns, rows } = self.appearance.background.grid();
         let [entry, end] = [strip.entry, strip.end].map(|at| self.grid.place(at));
-        let Some(along) = (end - entry).try_normalize(1e-9) else { return Vec::new() };
+        let Some(along) = (end - entry).try_normalize(1e-9) else { return BTreeSet::new() };
         let (across, width) = (Vector2::new(-along.y, along.x), strip.width / self.grid.pitch);
         let aside = |ahead: f64| width * (ASIDE_WIDTHS.0 + 0.5 * (ahead / width).max(0.0)).min(ASIDE_WIDTHS.1);
         let [behind, ahead] = [-END_WIDTHS, END_WIDTHS + JAWS_MM / diameter_mm].map(|widths| widths * width);
