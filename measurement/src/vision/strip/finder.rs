@@ -98,7 +98,7 @@ impl StripFinder {
 
     /// Cells of a frame that the jaws ahead of a strip's end may cover.
     fn cells_of_jaws(&self, strip: &Strip, diameter_mm: f64) -> BTreeSet<usize> {
-        /// Longest jaws with their collar, mm (MARKERS 5.2), and the error of a rough end, widths.
+        /// Longest jaws with their collar, mm, and the error of a rough end, widths.
         const JAWS_MM: f64 = 30.0;
         const END_WIDTHS: f64 = 1.0;
         /// How far open jaws reach from the axis, widths: next to the end, and at most, blades of 16 mm at 30°.
