@@ -30,7 +30,7 @@ export const FrameStrip = ({ draft, chosen, words, onChoose, maskOf, shaftsOf, i
               <${ShaftLayer} mask=${maskOf(frame.number)} shafts=${shaftsOf(frame.number)} />`}
           </button>
           ${shaftsOf(frame.number).map(shaft => html`
-            <span key=${shaft.tool} class="small" data-shaft=${foundOf(shaft)}>${words.shaft[foundOf(shaft)](shaft.tool)}</span>`)}
+            <div key=${shaft.tool} class="small" data-shaft=${foundOf(shaft)}>${words.shaft[foundOf(shaft)](shaft.tool)}</div>`)}
           <div class="row apart"><span class="small">${words.frame(frame.number + 1, frame.marks.length)}</span>
             <button class="button bare" type="button" aria-label=${words.removeFrame(frame.number + 1)}
               onClick=${() => remove(draft, frame)}>${t.setup.photos.remove}</button></div>

@@ -1590,7 +1590,7 @@ export default {
         noBackground: 'Noch ist kein Hintergrund markiert',
         shaft: {
           whole: tool => `${tool}: Schaft mit Ende gefunden`,
-          edges: tool => `${tool}: Schaft gefunden, sein Ende ist nicht klar`,
+          edges: tool => `${tool}: Schaft gefunden, Ende nicht klar`,
           nothing: tool => `${tool}: kein Schaft gefunden`,
         },
         judged: 'Weiße Linien: die Schäfte, die auf jedem Bild für sich gefunden werden. Eine Aufnahme wird gründlicher durchsucht. Ein Schaft, der auf manchen Bildern fehlt, lässt sich also trotzdem verfolgen. Fehlt er auf allen, markieren Sie mehr von ihm oder mehr Hintergrund.',

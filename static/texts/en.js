@@ -1486,7 +1486,7 @@ export default {
         noBackground: 'No background is marked yet',
         shaft: {
           whole: tool => `${tool}: shaft found, with its end`,
-          edges: tool => `${tool}: shaft found, its end is not clear`,
+          edges: tool => `${tool}: shaft found, end not clear`,
           nothing: tool => `${tool}: no shaft found`,
         },
         judged: 'White lines: the shafts that are found on each frame alone. A recording is searched more thoroughly, so a shaft that is missing on some frames can still be followed. If it is found on none, mark more of it, or more background.',
