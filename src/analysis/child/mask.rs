@@ -82,9 +82,9 @@ impl ChildTask for MaskWork {
                 output.masks.push(mask);
             }
             MaskRecord::Shaft(shaft) => {
-                let places =
+                let mut places =
                     self.frames.iter().flat_map(|frame| self.bare.iter().map(move |tool| (*frame, &tool.name)));
-                let next = places.clone().nth(output.shafts.len()).ok_or("a shaft without a tool")?;
+                let next = places.nth(output.shafts.len()).ok_or("a shaft without a tool")?;
                 if next != (shaft.frame, &shaft.tool) || !is_possible_shaft(&shaft, limits) {
                     return Err("an invalid shaft".into());
                 }

@@ -46,7 +46,7 @@ pub struct Background {
     noise: [f32; 3],
     /// Log density of the usual codes themselves in the box as usual.
     same_normaliser: f32,
-    /// Is the box itself known in the cell? Not where something covered it on all frames.
+    /// Is the box itself known in the cell? Not where jaws or shafts covered it on all frames, or on all but one.
     is_known: Vec<bool>,
 }
 
@@ -71,8 +71,8 @@ impl Background {
         Some(background)
     }
 
-    /// Learns the cells again that the jaws of the tools often covered: `covered` are those of each of these frames. What
-    /// the other frames show there is the box. If they show only the shaft, or there are too few, the cell is unknown.
+    /// Learns the cells again that the jaws of the tools often covered: each frame comes with its covered cells. What the
+    /// other frames show there is the box. If they show only the shaft, or there are too few, the cell is unknown.
     pub fn learn_beside(&mut self, frames: &[(&CellPicture, BTreeSet<usize>)], shaft: &ShaftColour, any: &AnyColour) {
         /// A cell is learned again if it was covered on this share of the frames: together with the shaft, that may be
         /// most of them.
