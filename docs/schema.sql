@@ -172,7 +172,7 @@ CREATE TABLE "job" (
     queued_at_ms   INTEGER NOT NULL CHECK (queued_at_ms >= created_at_ms),   -- when it was last queued, epoch ms
     started_at_ms  INTEGER,                                                  -- when it was last claimed, epoch ms
     ended_at_ms    INTEGER,                                                  -- when it ended, epoch ms
-    advice         TEXT CHECK (json_valid(advice)), lost_leases INTEGER NOT NULL DEFAULT 0 CHECK (lost_leases >= 0),                          -- PaletteAdvice; NULL: none (yet)
+    advice         TEXT CHECK (json_valid(advice)), lost_leases INTEGER NOT NULL DEFAULT 0 CHECK (lost_leases >= 0), calibration_id TEXT AS (json_extract(input, '$.calibration')),                          -- PaletteAdvice; NULL: none (yet)
     UNIQUE (kind, input_hash, versions),
     FOREIGN KEY (kind, subject) REFERENCES job_kind (name, subject) ON DELETE RESTRICT, -- a known kind, on its subject
     CHECK ((session_id IS NULL) <> (box_id IS NULL)),
@@ -352,13 +352,28 @@ CREATE TABLE session_edit (
     why           TEXT NOT NULL CHECK (length(why) BETWEEN 1 AND 2000),      -- the reason, in the author's words
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when made, epoch ms
     undone_by     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- the person who undid it; NULL: in force, or deleted
-    undone_at_ms  INTEGER CHECK (undone_at_ms >= created_at_ms),             -- when undone, epoch ms; NULL: it is in force
+    undone_at_ms  INTEGER CHECK (undone_at_ms >= created_at_ms), box_id TEXT REFERENCES training_box (id) ON DELETE SET NULL,             -- when undone, epoch ms; NULL: it is in force
     CHECK ((kind IN ('trim', 'swap')) = (from_s IS NOT NULL)),
     CHECK ((from_s IS NULL) = (to_s IS NULL)),
     CHECK ((kind = 'swap') = (tools IS NOT NULL)),
     CHECK ((kind = 'retime') = (coalesce(true_frame_rate_hz, true_duration_s) IS NOT NULL)),
     CHECK (true_frame_rate_hz IS NULL OR true_duration_s IS NULL),
     CHECK (undone_by IS NULL OR undone_at_ms IS NOT NULL)
+) STRICT;
+
+CREATE TABLE session_move (
+    id              TEXT PRIMARY KEY CHECK (length(id) = 36),                -- MoveId
+    session_id      TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE, -- the session; erased with it
+    person_id       TEXT REFERENCES person (id) ON DELETE SET NULL,          -- who moved it; NULL: deleted, or the service
+    from_trainee_id TEXT REFERENCES trainee (id) ON DELETE SET NULL,         -- the trainee before; NULL: erased
+    to_trainee_id   TEXT REFERENCES trainee (id) ON DELETE SET NULL,         -- the trainee after; NULL: erased
+    from_task_id    TEXT REFERENCES task (id) ON DELETE SET NULL,            -- the task before; NULL: deleted
+    to_task_id      TEXT REFERENCES task (id) ON DELETE SET NULL,            -- the task after; NULL: deleted
+    from_box_id     TEXT REFERENCES training_box (id) ON DELETE SET NULL,    -- the box before; NULL: deleted
+    to_box_id       TEXT REFERENCES training_box (id) ON DELETE SET NULL,    -- the box after; NULL: deleted
+    changes         TEXT NOT NULL CHECK (json_valid(changes)),               -- what was changed: of `trainee`, `task`, `box` ([String])
+    why             TEXT NOT NULL CHECK (length(why) BETWEEN 1 AND 2000),    -- the reason, in the person's words
+    created_at_ms   INTEGER NOT NULL CHECK (created_at_ms >= 0)              -- when, epoch ms
 ) STRICT;
 
 CREATE TABLE session_surroundings (
@@ -583,7 +598,9 @@ CREATE INDEX session_task ON session (task_id);
 
 CREATE INDEX session_video ON session (video);
 
-CREATE UNIQUE INDEX session_box_answer ON session_edit (session_id) WHERE kind IN ('this_box', 'other_box') AND undone_at_ms IS NULL;
+CREATE UNIQUE INDEX session_box_answer ON session_edit (session_id, box_id) WHERE kind IN ('this_box', 'other_box') AND undone_at_ms IS NULL;
+
+CREATE INDEX session_edit_box ON session_edit (box_id) WHERE box_id IS NOT NULL;
 
 CREATE INDEX session_edit_person ON session_edit (person_id);
 
@@ -592,6 +609,22 @@ CREATE INDEX session_edit_session ON session_edit (session_id, created_at_ms);
 CREATE INDEX session_edit_undone_by ON session_edit (undone_by);
 
 CREATE UNIQUE INDEX session_set_aside ON session_edit (session_id) WHERE kind = 'set_aside' AND undone_at_ms IS NULL;
+
+CREATE INDEX session_move_from_box ON session_move (from_box_id);
+
+CREATE INDEX session_move_from_task ON session_move (from_task_id);
+
+CREATE INDEX session_move_from_trainee ON session_move (from_trainee_id);
+
+CREATE INDEX session_move_person ON session_move (person_id);
+
+CREATE INDEX session_move_session ON session_move (session_id);
+
+CREATE INDEX session_move_to_box ON session_move (to_box_id);
+
+CREATE INDEX session_move_to_task ON session_move (to_task_id);
+
+CREATE INDEX session_move_to_trainee ON session_move (to_trainee_id);
 
 CREATE INDEX skill_model_person_id ON skill_model (person_id);
 
@@ -663,7 +696,12 @@ CREATE VIEW completed_rescoring (id) AS
 
 CREATE VIEW current_result AS
     SELECT result.*, json_extract(result.quality, '$.verdict') AS verdict FROM result
-    WHERE result.rowid = (SELECT max(latest.rowid) FROM result AS latest WHERE latest.session_id = result.session_id);
+    WHERE result.rowid =
+        (SELECT max(latest.rowid) FROM result AS latest
+         WHERE latest.session_id = result.session_id
+           AND (latest.calibration_id IS NULL
+                OR (SELECT box_id FROM calibration WHERE calibration.id = latest.calibration_id)
+                   = (SELECT box_id FROM session WHERE session.id = result.session_id)));
 
 CREATE VIEW feed_record AS
     SELECT feed.*, session.trainee_id, session.task_id
@@ -714,7 +752,12 @@ CREATE VIEW standard_record AS
 
 CREATE VIEW tracking_job AS
     SELECT job.* FROM job
-    WHERE job.rowid = (SELECT max(latest.rowid) FROM job AS latest WHERE latest.session_id = job.session_id AND latest.turn < 2);
+    WHERE job.rowid =
+        (SELECT max(latest.rowid) FROM job AS latest
+         WHERE latest.session_id = job.session_id AND latest.turn < 2
+           AND (latest.calibration_id IS NULL
+                OR (SELECT box_id FROM calibration WHERE calibration.id = latest.calibration_id)
+                   = (SELECT box_id FROM session WHERE session.id = job.session_id)));
 
 CREATE VIEW uncounted_session (session_id) AS
     SELECT session_id FROM session_edit WHERE kind = 'set_aside' AND undone_at_ms IS NULL

@@ -90,6 +90,8 @@ ids! {
     CommentId;
     /// A change of a scored session.
     EditId;
+    /// A move of a session to another trainee, task or box.
+    MoveId;
     /// A recording that arrives frame by frame. Its sender makes the id.
     FeedId;
     /// An order to score a task's sessions again.

@@ -359,6 +359,10 @@ export const api = {
     edit: (id, json) => request('POST', ['sessions', id, 'edits'], { json }),
     /** @param {string} id @param {string} edit */
     undo: (id, edit) => request('POST', ['sessions', id, 'edits', edit, 'undo']),
+    /** The session's moves to another trainee, task or box. @param {string} id @param {AbortSignal} [signal] */
+    moves: (id, signal) => request('GET', ['sessions', id, 'moves'], { signal }),
+    /** @param {string} id @param {ApiBody<'POST', ['sessions', string, 'moves']>} json */
+    move: (id, json) => request('POST', ['sessions', id, 'moves'], { json }),
     /**
      * `evidence`: which stretches of the recording produced the features. `advice`: what to work on next.
      * @param {string} id @param {AbortSignal} [signal]

@@ -101,8 +101,8 @@ impl Cohorts {
 fn usable_definition(model: &SkillModelRecord, result: &SessionResult) -> Result<ModelDefinition, Box<SkillVerdict>> {
     let without = |name, detail: String| Err(Box::new(SkillVerdict::without_level(name, detail)));
     let Some(definition) = model.definition.clone() else {
-        let detail =
-            "a person the model was trained on was erased, and the model too; an administrator can train another";
+        let detail = "data that the model was trained on were erased or moved to another person or task, so the model was \
+                      erased too; an administrator can train another";
         return without(NoLevelReasonName::Withdrawn, detail.to_owned());
     };
     if result.quality["verdict"] == "refused" {

@@ -33,6 +33,7 @@
 //! | [`feed`] | frames that arrive during the recording: records, messages, frame numbers |
 //! | [`rescoring`] | scoring sessions again: the order, and what changed |
 //! | [`session`] | states of a recording, versions and features of its result |
+//! | [`session_move`] | moving a session to the right trainee, task or box |
 //! | [`skill`] | a model of skill: as stored, as shown, and as a file |
 //! | [`xapi`] | sessions as statements for learning record stores |
 //! | [`problem`] | why something failed, for people |
@@ -68,6 +69,7 @@ pub mod scope;
 pub mod secret;
 pub mod self_test;
 pub mod session;
+pub mod session_move;
 pub mod skill;
 pub mod standard;
 pub mod task;

@@ -226,6 +226,7 @@ impl From<StoreError> for ProblemResponse {
             StoreError::Forbidden { .. } => {
                 Refusal::Forbidden.with(format!("{}. Ask one of them.", capitalised(&error)))
             }
+            StoreError::Taken { what: "recording", existing: Some(session) } => duplicate_recording(&session),
             StoreError::Taken { what, .. } => Refusal::Taken.with(format!("This {what} is taken. Choose another.")),
             StoreError::InUse { .. } => {
                 Refusal::InUse.with(format!("{}. Delete what refers to it first.", capitalised(&error)))
@@ -330,13 +331,18 @@ impl From<IntakeError> for ProblemResponse {
             IntakeError::EndingUnsaved => {
                 busy("The service is shutting down. Nothing of the request is stored: send it again in a minute.")
             }
-            IntakeError::AlreadyExists { session } => Refusal::DuplicateRecording
-                .with("A session with the same recording of this trainee and task exists already; see `session`.")
-                .member("session", format!("/api/v1/sessions/{session}")),
+            IntakeError::AlreadyExists { session } => duplicate_recording(&session),
             IntakeError::Store(error) => error.into(),
             IntakeError::Vault(error) => error.into(),
         }
     }
+}
+
+/// The recording exists already, as this session.
+fn duplicate_recording(session: &str) -> ProblemResponse {
+    Refusal::DuplicateRecording
+        .with("A session with the same recording of this trainee and task exists already; see `session`.")
+        .member("session", format!("/api/v1/sessions/{session}"))
 }
 
 /// Maps the errors of calculations on cohorts to refusals.

@@ -166,6 +166,7 @@ fn session_routes() -> OpenApiRouter<App> {
         .routes(routes!(sessions::withdraw_comment))
         .routes(routes!(sessions::edits, sessions::edit))
         .routes(routes!(sessions::undo_edit))
+        .routes(routes!(sessions::moves, sessions::move_session))
 }
 
 /// Jobs, the state of the service, events, and this description.

@@ -167,6 +167,8 @@ pub struct AuditChange {
     subject: String,
     /// Present name of the resource; for a session, the name of its trainee. `null` if it has no name or was deleted.
     called: Option<String>,
+    /// The reason that the person gave for an edit or a move of a session; `null` otherwise, and if the session was erased.
+    why: Option<String>,
     /// Address of the client that sent the request. `null` if the service or a command made the change, if the address
     /// was not yet recorded, or if the person's account was deleted.
     address: Option<String>,
@@ -220,8 +222,8 @@ pub async fn audit(
 }
 
 impl From<AuditEntry> for AuditChange {
-    fn from(AuditEntry { id, at_ms, actor, action, noun, subject, who, called, address }: AuditEntry) -> Self {
+    fn from(AuditEntry { id, at_ms, actor, action, noun, subject, who, called, why, address }: AuditEntry) -> Self {
         let by = actor.split(':').next().unwrap_or_default().to_owned();
-        Self { id, at: Time(at_ms), by, who, action, noun, subject, called, address }
+        Self { id, at: Time(at_ms), by, who, action, noun, subject, called, why, address }
     }
 }

@@ -38,6 +38,8 @@ pub struct AuditEntry {
     pub who: Option<String>,
     /// Name of the changed thing or of the person it belongs to; `None` if it no longer exists or has no name.
     pub called: Option<String>,
+    /// The reason that the person gave for an edit or a move of a session; `None` otherwise, and if the session was erased.
+    pub why: Option<String>,
     /// Address of the client that sent the request; `None` for the service and for commands, for changes before it was
     /// recorded, and if the account has been deleted.
     pub address: Option<String>,
@@ -80,15 +82,22 @@ const SELECT_ENTRIES: &str = "
         WHEN 'session_edit' THEN
             (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
                 JOIN session_edit ON session_id = session.id WHERE session_edit.id = subject)
-        END AS called
+        END AS called,
+        CASE noun WHEN 'session' THEN
+            coalesce((SELECT why FROM session_move
+                      WHERE action = 'move' AND session_id = subject AND created_at_ms = at_ms),
+                     (SELECT why FROM session_edit
+                      WHERE kind = action AND session_id = subject AND created_at_ms = at_ms))
+        END AS why
     FROM audit
     LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
     WHERE $1 IS NULL OR audit.id < CAST($1 AS INTEGER) ORDER BY audit.id DESC LIMIT $2";
 
 /// Selects at most `$2` entries about trainee `$1`, their account and their sessions, or made by them. The addresses of
-/// other people are left out.
+/// other people are left out, and so are the names of other trainees: a session may have been moved from them.
 const SELECT_ENTRIES_ABOUT: &str = "
-    SELECT audit.id, at_ms, actor, action, noun, subject, person.name AS who, CAST(NULL AS TEXT) AS called,
+    SELECT audit.id, at_ms, actor, action, noun, subject, CAST(NULL AS TEXT) AS called, CAST(NULL AS TEXT) AS why,
+           CASE WHEN person.trainee_id IS NULL OR person.trainee_id = $1 THEN person.name END AS who,
            CASE WHEN person.trainee_id = $1 THEN address END AS address
     FROM audit
     LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)

@@ -26,8 +26,8 @@ use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, 
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
     BoxId, CalibrationId, CohortId, CommentId, CourseId, EditId, FeedId, GroupId, InstallationId, JobId, LeaseToken,
-    ModelId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, SelfTestId, SessionId, StandardId,
-    TaskId, TokenId, TraineeId, UploadId,
+    ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, SelfTestId, SessionId,
+    StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 use crate::motion::features::{self, Feature};
 use crate::time::Day;
@@ -76,7 +76,7 @@ macro_rules! as_shown {
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId
     InstallationId LeaseToken PasswordLinkId SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId
-    ModelId EditId BlobHash Day
+    ModelId EditId MoveId BlobHash Day
     Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
     SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion RecordedAtSource EarlyEndCause ErasedKind
     PasswordState

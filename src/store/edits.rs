@@ -37,6 +37,9 @@ pub struct EditRecord {
     pub id: EditId,
     /// The kind of change.
     pub kind: EditKind,
+    /// For an answer to the question for the box: true if the session was filed under another box then, so that the
+    /// answer does not count now.
+    pub is_of_other_box: Option<bool>,
     /// Beginning, seconds of the recording.
     pub from_s: Option<f64>,
     /// End, seconds of the recording.
@@ -86,6 +89,11 @@ pub struct SessionEdits {
 }
 
 impl EditRecord {
+    /// Does it count now?
+    pub fn is_in_force(&self) -> bool {
+        self.undone_at_ms.is_none() && self.is_of_other_box != Some(true)
+    }
+
     /// The change that it makes.
     pub fn change(&self) -> Option<EditChange> {
         let span = self.from_s.zip(self.to_s).map(|(from, to)| [from, to]);
@@ -103,9 +111,10 @@ impl EditRecord {
 
 /// Selects the [`EditRecord`]s of session `$1`, oldest first.
 const SELECT_EDITS: &str = "
-    SELECT edit.id, edit.kind, edit.from_s, edit.to_s, edit.tools, edit.true_frame_rate_hz, edit.true_duration_s, edit.why,
+    SELECT edit.id, edit.kind, edit.box_id <> session.box_id AS is_of_other_box, edit.from_s, edit.to_s, edit.tools, edit.true_frame_rate_hz, edit.true_duration_s, edit.why,
            maker.name AS who, edit.created_at_ms, undoer.name AS undone_by, edit.undone_at_ms
     FROM session_edit AS edit
+    JOIN session ON session.id = edit.session_id
     LEFT JOIN person AS maker ON maker.id = edit.person_id
     LEFT JOIN person AS undoer ON undoer.id = edit.undone_by
     WHERE edit.session_id = $1 ORDER BY edit.rowid LIMIT $2";
@@ -125,8 +134,9 @@ const UNDO_EDIT: &str = "
 
 const INSERT_EDIT: &str = "
     INSERT INTO session_edit (id, session_id, person_id, kind, from_s, to_s, tools, true_frame_rate_hz, true_duration_s,
-                              why, created_at_ms)
-    SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11
+                              why, created_at_ms, box_id)
+    SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11,
+           CASE WHEN $4 IN ('this_box', 'other_box') THEN (SELECT box_id FROM session WHERE id = $2) END
     WHERE (SELECT count(*) FROM session_edit WHERE session_id = $2) < $12";
 
 const SELECT_CURRENT_PATH: &str = "SELECT trajectory FROM current_result WHERE session_id = $1";
@@ -245,7 +255,7 @@ impl EditStore<'_> {
 /// The edits that the session must be scored with. In a transaction, they belong to the result that it reads.
 pub(super) async fn in_force(reader: &mut SqliteConnection, session: SessionId) -> StoreResult<EditsInForce> {
     let items: Vec<EditRecord> = sqlx::query_as(SELECT_EDITS).bind(session).bind(MAX_EDITS).fetch_all(reader).await?;
-    let in_force = items.iter().filter(|edit| affects_score(edit.kind) && edit.undone_at_ms.is_none());
+    let in_force = items.iter().filter(|edit| affects_score(edit.kind) && edit.is_in_force());
     let (answers, changes): (Vec<EditChange>, Vec<EditChange>) =
         in_force.filter_map(EditRecord::change).partition(|change| change.box_answer().is_some());
     let box_answer = answers.iter().find_map(EditChange::box_answer);
@@ -320,15 +330,17 @@ pub(super) fn time_of(frame_rate_hz: Option<f64>, duration_s: Option<f64>) -> Op
 const SETTLE_BOX_QUESTION: &str = "
     UPDATE session SET box_question = CASE
         WHEN EXISTS (SELECT 1 FROM session_edit
-                     WHERE session_id = $1 AND kind = 'other_box' AND undone_at_ms IS NULL) THEN 'other_box'
+                     WHERE session_id = $1 AND session_edit.box_id = session.box_id AND kind = 'other_box'
+                       AND undone_at_ms IS NULL) THEN 'other_box'
         WHEN EXISTS (SELECT 1 FROM session_edit
-                     WHERE session_id = $1 AND kind = 'this_box' AND undone_at_ms IS NULL) THEN 'this_box'
+                     WHERE session_id = $1 AND session_edit.box_id = session.box_id AND kind = 'this_box'
+                       AND undone_at_ms IS NULL) THEN 'this_box'
         WHEN (SELECT json_extract(quality, '$.recording.box.finding') FROM current_result
               WHERE session_id = $1) = 'doubtful' THEN 'asked' END
     WHERE id = $1";
 
 /// Sets whether a person has to say, or has said, that the session's recording shows its box. Called after each new
-/// result and each edit.
+/// result, each edit and each move to another box.
 pub(super) async fn settle_box_question(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<()> {
     sqlx::query(SETTLE_BOX_QUESTION).bind(session).execute(tx).await?;
     Ok(())

@@ -30,6 +30,7 @@
 //! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
+//! | [`Store::session_moves`] | `of_session` `add` |
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `mark_crashed` `release` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `is_dropped` `all` `uses` `total` |
@@ -71,6 +72,7 @@ mod retention;
 mod schema_version;
 mod self_tests;
 mod sender_limits;
+mod session_moves;
 mod sessions;
 mod skill_models;
 mod standards;
@@ -121,6 +123,7 @@ pub use retention::RetentionStore;
 pub use schema_version::SchemaState;
 pub use self_tests::{SelfTestLight, SelfTestRecord, SelfTestStore};
 pub use sender_limits::SenderLimits;
+pub use session_moves::{FiledUnder, SessionDestination, SessionMoveRecord, SessionMoveStore};
 pub use sessions::{
     AttentionItem, Practice, PracticeMeasurement, PracticeResult, PracticeSession, SessionFilter, SessionOrderKey,
     SessionRecord, SessionResult, SessionStore, SharedSession, TraineeTask,
@@ -399,6 +402,8 @@ accessors! {
     comments: CommentStore;
     /// Edits of scored sessions.
     edits: EditStore;
+    /// Moves of sessions to the right trainee, task or box.
+    session_moves: SessionMoveStore;
     /// What stands still in boxes and recordings.
     surroundings: SurroundingsStore;
     /// Rescoring orders.

@@ -1,5 +1,6 @@
 //! Versions of the tasks' skill models, and the sessions that they are trained on. A version is never changed. It is
-//! withdrawn, and its content erased, when the first person among its training data is erased.
+//! withdrawn, and its content erased, when the first person or session among its training data is erased, or moved to
+//! another person or task.
 
 use std::collections::HashMap;
 
@@ -42,7 +43,7 @@ pub struct SkillModelRecord {
     pub who: Option<String>,
     /// When it was made, epoch ms.
     pub created_at_ms: i64,
-    /// When it was withdrawn because a person among its training data was erased, epoch ms.
+    /// When it was withdrawn, epoch ms.
     pub withdrawn_at_ms: Option<i64>,
 }
 
@@ -217,7 +218,7 @@ pub(super) async fn withdraw(tx: &mut SqliteConnection, trainee: TraineeId, now_
     Ok(())
 }
 
-/// Like [`withdraw`], before a session is erased: for the models of its task that were trained on this trainee's
+/// Like [`withdraw`], before a session is erased, or moved to another trainee or task: for the models of its task that were trained on this trainee's
 /// sessions, since they may include this one.
 pub(super) async fn withdraw_of_session(tx: &mut SqliteConnection, session: SessionId, now_ms: i64) -> StoreResult<()> {
     sqlx::query(WITHDRAW_MODELS_OF_SESSION).bind(session).bind(now_ms).execute(tx).await?;

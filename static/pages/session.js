@@ -11,6 +11,7 @@ import { Confirm } from '../parts/forms/dialog.js';
 import { BoxQuestion } from '../parts/session/box_question.js';
 import { Retimed, SetAside } from '../parts/session/edits.js';
 import { LiveFeatures, LiveView } from '../parts/live/live_view.js';
+import { MoveButton, Moves } from '../parts/session/moves.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { Review } from '../parts/session/review.js';
 import { Skill } from '../parts/session/skill.js';
@@ -55,13 +56,14 @@ export default function Session({ person, route }) {
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />
         ${session.retry_can_help && may(person, 'see_boxes') && html`<p><a href=${href(['boxes', session.box.id])}>${
           words.toBox(session.box.name)}</a></p>`}`}
-      <${BoxQuestion} session=${session} person=${person} edits=${edits} onAnswered=${() => (readEdits(), reload())} />
+      <${BoxQuestion} session=${session} person=${person} edits=${edits} onChange=${() => (readEdits(), reload())} />
       <${EarlyEnd} session=${session} />
       <${SetAside} session=${session} edits=${edits} />
       <${Retimed} session=${session} edits=${edits} />
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} /><${Skill} verdict=${session.verdict} />`}
       ${session.status !== 'receiving' && html`<${ReviewLoader} key=${`${session.id} ${session.status}`} session=${session}
         person=${person} edits=${edits} start=${Number(route.query.get('t')) || 0} onEdited=${() => (readEdits(), reload())} />`}
+      <${Moves} session=${session} />
     </div>`;
 }
 
@@ -124,6 +126,7 @@ function Actions({ session, person, onChange }) {
     ${!isMoving(session) && session.retry_can_help && may(person, 'retry') && html`<button class=${`button ${session.status === 'failed' ? 'main'
       : ''}`} type="button" title=${words.again} disabled=${busy} onClick=${retry}>${busy ? words.retryBusy
       : words.retry}</button>`}
+    ${may(person, 'edit_sessions') && session.status !== 'receiving' && html`<${MoveButton} session=${session} onMoved=${onChange} />`}
     ${may(person, 'delete') && !isMoving(session) && html`<button class="button" type="button"
       onClick=${() => setAsking(true)}>${words.remove}</button>`}
     ${asking && html`<${Confirm} title=${words.removeTitle} body=${words.removeBody} yes=${words.removeYes}

@@ -47,7 +47,9 @@ const ACTIONS = {
   erase: 'mit allen Daten gelöscht',
   export: 'exportiert',
   import: 'importiert',
+  move: 'verschoben',
   'request erasure': 'zur Löschung vorgemerkt',
+  retime: 'Zeiten berichtigt',
   retry: 'neu eingereiht',
   'set course': 'Kursplan gesetzt',
   other_box: 'aus einer anderen Box',
@@ -572,7 +574,7 @@ export default {
         this_box: () =>
           'Die Sitzung zählt dann. Nach späteren Aufnahmen mit derselben Umgebung wird nicht mehr gefragt. Sie können dies rückgängig machen.',
         other_box: () =>
-          'Die Werte dieser Sitzung werden zurückgehalten, und sie zählt nirgends. Laden Sie die Aufnahme unter ihrer eigenen Box noch einmal hoch. Sie können dies rückgängig machen.',
+          'Die Werte dieser Sitzung werden zurückgehalten, und sie zählt nirgends. Verschieben Sie sie dann in ihre eigene Box. Sie können dies rückgängig machen.',
       },
       which: 'Welche Instrumente',
       why: 'Warum?',
@@ -610,8 +612,9 @@ export default {
       withRecording: 'Mit der Aufnahme angegeben.',
       undo: 'Rückgängig',
       undoThis: what => `Rückgängig: ${what}`,
-      undone: n => plural(n, 'rückgängig gemachte Bearbeitung', 'rückgängig gemachte Bearbeitungen'),
+      undone: n => plural(n, 'Bearbeitung, die nicht gilt', 'Bearbeitungen, die nicht gelten'),
       undoneBy: (who, when) => `rückgängig gemacht: ${who}, ${when}`,
+      beforeMove: 'beantwortet, bevor die Sitzung in eine andere Box verschoben wurde',
       gone: 'eine gelöschte Person',
       senderGone: 'der Aufnahmerechner einer Box oder eine gelöschte Person',
       making: 'Das neue Ergebnis wird berechnet',
@@ -621,6 +624,16 @@ export default {
       asideBody: 'Unter „Bearbeitung“ steht, wer das entschieden hat und warum.',
       asideBy: (why, who, when) => `${why} – ${who}, ${when}`,
     },
+    moves: {
+      move: 'Verschieben',
+      title: 'Diese Sitzung verschieben',
+      does: 'Wählen Sie die richtige Person, Aufgabe und Box. Verlauf, Standards, Kurse und Exporte zeigen die Sitzung dann dort. Aufnahme, Bewertungen und Kommentare bleiben. In einer anderen Box wird sie mit deren Kamera neu ausgewertet. Um dies zurückzunehmen, verschieben Sie die Sitzung noch einmal.',
+      why: 'Warum?',
+      whyHint: 'Für alle, die es später lesen: „Kim war noch angemeldet, als Lee übte.“',
+      list: 'Verschiebungen',
+      says: (part, from, to) => `${part}: ${from} → ${to}`,
+      unnamed: 'nicht sichtbar',
+    },
     boxQuestion: {
       title: box => `Ist das ${box}?`,
       body: box => `Diese Aufnahme sieht nicht aus wie ${box}. Bis jemand aus der Ausbildung sagt, ob sie es ist, zählt sie nirgends: für keinen Standard, kein Zertifikat, keinen Verlauf. Ihre Längen und Geschwindigkeiten können falsch sein, denn eine andere Box hat eine andere Kamera.`,
@@ -628,9 +641,7 @@ export default {
       no: 'Nein, es ist eine andere Box',
       askStaff: 'Bitten Sie jemanden aus der Ausbildung um die Antwort.',
       otherTitle: box => `Diese Aufnahme ist nicht aus ${box}`,
-      other: 'Ihre Werte werden zurückgehalten, und sie zählt nirgends. Speichern Sie die Aufnahme, laden Sie sie unter der Box hoch, in der sie entstand, und löschen Sie dann diese Sitzung.',
-      save: 'Aufnahme speichern',
-      upload: 'Hochladen',
+      other: 'Ihre Werte werden zurückgehalten, und sie zählt nirgends. Verschieben Sie sie in die Box, in der sie aufgenommen wurde: Sie wird dann mit der Kamera dieser Box ausgewertet.',
     },
     retimed: {
       title: 'Die Zeiten dieser Aufnahme wurden berichtigt',
@@ -832,7 +843,7 @@ export default {
         `Geprüft an ${people} Personen, die nicht in seinen Trainingsdaten waren: Wo ein solches Modell diese Stufe gab, stimmte sie in ${share} der Sitzungen (${low} bis ${high}).`,
       reasons: {
         no_model: 'Die Aufgabe hat kein Modell des Könnens. Administratoren erstellen eines unter „Aufgaben“, aus Personen mit angegebener Stufe.',
-        withdrawn: 'Eine Person, deren Sitzungen das Modell verwendet, wurde gelöscht und mit ihr das Modell.',
+        withdrawn: 'Eine Person oder Sitzung, aus der das Modell entstand, wurde gelöscht oder verschoben, und mit ihr wurde das Modell gelöscht.',
         other_pipeline: 'Diese Sitzung wurde mit einer anderen Programmversion gemessen als die des Modells.',
         in_training: 'Das Modell entstand auch aus Sitzungen dieser Person: Seine Antwort würde nichts beweisen.',
         other_tools: 'Diese Sitzung hat eine andere Zahl von Instrumenten als die des Modells.',
@@ -1135,7 +1146,7 @@ export default {
       knows: (version, share, low, high, people) =>
         `Modell ${version}: findet die Stufe in ${share} (${low} bis ${high}) der Sitzungen von ${people} Personen, die nicht in seinen Trainingsdaten waren`,
       nothing: version => `Modell ${version}: nicht besser als Zufall`,
-      withdrawn: (version, day) => `Modell ${version}: zurückgezogen am ${day}, weil eine Person gelöscht wurde, deren Sitzungen es verwendet`,
+      withdrawn: (version, day) => `Modell ${version}: zurückgezogen am ${day}, weil eine Person oder Sitzung, aus der es entstand, gelöscht oder verschoben wurde`,
     },
   },
 

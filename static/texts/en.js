@@ -472,7 +472,7 @@ export default {
         this_box: () =>
           'The session will count. Later recordings with the same surroundings are not asked about again. You can undo this.',
         other_box: () =>
-          'The values of this session are withheld, and it counts nowhere. Upload the recording again under its own box. You can undo this.',
+          'The values of this session are withheld, and it counts nowhere. Then move it to its own box. You can undo this.',
       },
       which: 'Which tools',
       why: 'Why?',
@@ -510,8 +510,9 @@ export default {
       withRecording: 'Given with the recording.',
       undo: 'Undo',
       undoThis: what => `Undo: ${what}`,
-      undone: n => plural(n, 'undone edit', 'undone edits'),
+      undone: n => plural(n, 'edit that does not count', 'edits that do not count'),
       undoneBy: (who, when) => `undone by ${who}, ${when}`,
+      beforeMove: 'answered before the session was moved to another box',
       gone: 'a deleted user',
       senderGone: 'the recording computer of a box, or a deleted user',
       making: 'The score is being recalculated',
@@ -521,6 +522,16 @@ export default {
       asideBody: 'The section “Edits” shows who set it aside and why.',
       asideBy: (why, who, when) => `${why} – ${who}, ${when}`,
     },
+    moves: {
+      move: 'Move',
+      title: 'Move this session',
+      does: 'Choose the right trainee, task and box. Progress, standards, courses and exports then show the session there. Recording, ratings and comments stay. In another box, it is measured again with the camera of that box. To take this back, move the session again.',
+      why: 'Why?',
+      whyHint: 'For later readers: “Kim was still signed in when Lee trained.”',
+      list: 'Moves',
+      says: (part, from, to) => `${part}: ${from} → ${to}`,
+      unnamed: 'not shown',
+    },
     boxQuestion: {
       title: box => `Is this ${box}?`,
       body: box => `This recording does not look like ${box}. Until an instructor says whether it is, it counts nowhere: not for a standard, a certificate or progress. Its lengths and speeds may be wrong, because another box has another camera.`,
@@ -528,9 +539,7 @@ export default {
       no: 'No, it is another box',
       askStaff: 'Ask your instructor to answer this.',
       otherTitle: box => `This recording is not from ${box}`,
-      other: 'Its values are withheld, and it counts nowhere. Save the recording, upload it again under the box where it was made, then delete this session.',
-      save: 'Save the recording',
-      upload: 'Upload',
+      other: 'Its values are withheld, and it counts nowhere. Move it to the box where it was recorded: it is then measured with the camera of that box.',
     },
     retimed: {
       title: 'The times of this recording were corrected',
@@ -731,7 +740,7 @@ export default {
         `Tested on ${people} people who were not in its training data: where such a model gave this level, it was right in ${share} of the sessions (${low} to ${high}).`,
       reasons: {
         no_model: 'the task has no model of skill. Administrators create one under Tasks, from people whose level is declared.',
-        withdrawn: 'a person whose sessions were used for the model was deleted, and the model with them.',
+        withdrawn: 'a person or a session that the model was made of was deleted or moved, and the model was deleted too.',
         other_pipeline: 'this session was measured by a different version of the program than the sessions of the model.',
         in_training: 'the model was built from sessions of this same person, among others, so its answer would prove nothing.',
         other_tools: 'this session has a different number of tools than the sessions of the model.',
@@ -1033,7 +1042,7 @@ export default {
       knows: (version, share, low, high, people) =>
         `Model ${version}: finds the level in ${share} (${low} to ${high}) of the sessions of ${people} people who were not in its training data`,
       nothing: version => `Model ${version}: no better than chance`,
-      withdrawn: (version, day) => `Model ${version}: withdrawn on ${day}, because a person whose sessions it used was deleted`,
+      withdrawn: (version, day) => `Model ${version}: withdrawn on ${day}, because a person or a session that it was made of was deleted or moved`,
     },
   },
 

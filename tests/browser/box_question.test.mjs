@@ -1,5 +1,5 @@
 // Uploads a recording of another box under box 1 in a real Chromium with the real service. The page asks whether it is the
-// box, lists say so, and each answer has its effect. Undoing the answer asks again.
+// box, lists say so, and each answer has its effect. Undoing the answer asks again. Then the session is moved.
 //
 // Environment: as person.mjs, and TROCAR_OTHER_BOX (a recording of another box with the same tapes). Optional: TROCAR_BOX,
 // TROCAR_TRAINEE, TROCAR_TASK (names).
@@ -77,6 +77,11 @@ test('no: its values are withheld, and the page says what to do', async () => {
   assert.ok((await session()).features.every(feature => feature.value === null));
   const entry = page.locator('.edits .edit-list > li', { hasText: 'Recorded in another box' });
   assert.match(await entry.first().innerText(), /It was recorded in another box\. It was box 3\./);
+  const notice = page.locator('.notice', { hasText: 'Move it to the box where it was recorded' });
+  await notice.getByRole('button', { name: 'Move', exact: true }).click();
+  const dialog = page.locator('dialog[open]');
+  assert.equal(await dialog.getByLabel('Box').locator('option:checked').innerText(), box.name);
+  await dialog.getByRole('button', { name: 'Cancel' }).click();
   await takePictures('47-other-box');
 });
 
@@ -91,6 +96,32 @@ test('undone, it is asked again; yes: it counts and nothing is asked', async () 
   assert.equal(now.box_question, 'this_box');
   assert.ok(now.features.some(feature => feature.value !== null));
   assert.ok(!now.quality.reasons.some(reason => reason.name.startsWith('box_')), 'its lengths are promised again');
+});
+
+test('the session is moved to another task with a reason, and back', async () => {
+  const before = await session();
+  const other = await page.evaluate(async () => {
+    const body = JSON.stringify({ name: 'Threading in a box' });
+    const made = await fetch('/api/v1/tasks', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body });
+    return made.json();
+  });
+  const moveTo = async (task, why) => {
+    await page.locator('.head').getByRole('button', { name: 'Move', exact: true }).click();
+    const dialog = page.locator('dialog[open]');
+    await dialog.getByLabel('Task').selectOption({ label: task });
+    await dialog.getByLabel('Why?').fill(why);
+    await dialog.getByRole('button', { name: 'Move', exact: true }).click();
+    await dialog.waitFor({ state: 'detached' });
+    await page.getByRole('heading', { level: 1 }).getByText(task).waitFor();
+  };
+  await moveTo(other.name, 'The wrong task was chosen.');
+  const entry = page.locator('.card', { has: page.getByRole('heading', { name: 'Moves' }) }).locator('li').first();
+  assert.match(await entry.innerText(), /Task: .+ → Threading in a box\s+The wrong task was chosen\./);
+  const moved = await session();
+  assert.deepEqual([moved.task.id, moved.result], [other.id, before.result]);
+  await takePictures('48-moved');
+  await moveTo(before.task.name, 'It was the right one.');
+  assert.deepEqual((await session()).features, before.features);
 });
 
 test('no page sent a request to another origin, violated the security policy or threw an error', () => {

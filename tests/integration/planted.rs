@@ -21,7 +21,7 @@ use trocar::domain::session::{
 use trocar::domain::text::Key;
 use trocar::ids::{BoxId, CalibrationId, PaletteId, SessionId, TaskId, TraineeId};
 use trocar::motion::PIPELINE_VERSION;
-use trocar::store::{EditBasis, Lease, Store, StoreSettings};
+use trocar::store::{EditBasis, Lease, SessionDestination, Store, StoreSettings};
 use trocar::time::SystemClock;
 use trocar::vault::Vault;
 
@@ -157,6 +157,14 @@ impl Planter {
             .add(&Scope::service(), session, (EditChange::Trim([1.0, 2.0]), why), EditBasis::default())
             .await
             .unwrap();
+    }
+
+    /// Moves a session to a trainee and a task, by their codes.
+    pub async fn move_session(&self, session: &str, trainee: &str, task: &str) {
+        let task = self.store.tasks().get(&Scope::service(), &Key::from(task)).await.unwrap().id;
+        let to = SessionDestination { trainee: Some(self.trainee(trainee).await), task: Some(task), in_box: None };
+        let why = "Kim was still signed in.".parse().unwrap();
+        self.store.session_moves().add(&Scope::service(), session.parse().unwrap(), to, why).await.unwrap();
     }
 
     /// Claims the next job in the queue and returns its kind.

@@ -12,7 +12,7 @@ use crate::domain::text::{Key, Name};
 use crate::http::account::SignInEntry;
 use crate::http::people::PersonResponse;
 use crate::http::service::AuditChange;
-use crate::http::sessions::{EditsResponse, SessionResponse, write_edited_csv};
+use crate::http::sessions::{EditsResponse, MoveResponse, SessionResponse, write_edited_csv};
 use crate::http::trainees::TraineeResponse;
 use crate::ids::SessionId;
 use crate::store::{PageRequest, SessionFilter, SessionRecord, TraineeRecord};
@@ -40,6 +40,7 @@ sessions/…/        one folder for each session:
   ratings.json     ratings on forms
   comments.json    comments
   edits.json       trims, corrections and answers of the staff, with reasons
+  moves.json       moves of the session to another trainee, task or box, with reasons
   path.csv         the path of the tools: millimetres and seconds
   ….error.txt      in place of a path, preview, table or video that could not be read
   preview.jpg      one frame
@@ -123,12 +124,15 @@ fn add_session(
     let (app, scope, id) = (&job.app, &job.scope, session.id);
     let scored = job.wait(app.store.sessions().result_with_edits(scope, id))?;
     let edits = job.wait(app.store.edits().of_session(scope, id))?;
+    let moves = job.wait(app.store.session_moves().of_session(scope, id))?;
     let (ratings, comments) = (job.wait(app.ratings_of(scope, id))?, job.wait(app.comments_of(scope, id))?);
     let shown = SessionResponse::of(session.clone(), scored.as_ref().map(|(result, _)| result.clone()));
     archive.add_json(&format!("{folder}session.json"), &shown)?;
     archive.add_json(&format!("{folder}ratings.json"), &ratings)?;
     archive.add_json(&format!("{folder}comments.json"), &comments)?;
     archive.add_json(&format!("{folder}edits.json"), &EditsResponse::from(edits))?;
+    let moves: Vec<MoveResponse> = moves.into_iter().map(MoveResponse::from).collect();
+    archive.add_json(&format!("{folder}moves.json"), &moves)?;
     if let Some((result, in_force)) = scored {
         add_path(job, id, (result.trajectory, &in_force), folder, archive)?;
         if let Some(preview) = result.preview

@@ -39,6 +39,9 @@ pub struct EditResponse {
     /// that an agent or the service sent.
     who: Option<String>,
     created_at: Time,
+    /// True for an answer to the `box_question` that was given while the session was filed under another box: it does
+    /// not count now.
+    for_other_box: bool,
     /// When it was undone, and the name of the person; `null`: it is in force.
     undone: Option<Undone>,
 }
@@ -89,6 +92,7 @@ impl From<store::EditRecord> for EditResponse {
             why: edit.why.into(),
             who: edit.who.map(String::from),
             created_at: Time(edit.created_at_ms),
+            for_other_box: edit.is_of_other_box == Some(true),
             undone: edit.undone_at_ms.map(|at| Undone { who: undone_by, at: Time(at) }),
         }
     }
@@ -97,7 +101,7 @@ impl From<store::EditRecord> for EditResponse {
 impl From<store::SessionEdits> for EditsResponse {
     fn from(edits: store::SessionEdits) -> Self {
         let store::SessionEdits { items, revision, score, job, problem } = edits;
-        let in_force = items.iter().filter(|edit| edit.undone_at_ms.is_none());
+        let in_force = items.iter().filter(|edit| edit.is_in_force());
         let changes: Vec<EditChange> = in_force.filter_map(store::EditRecord::change).collect();
         Self {
             kept: kept_span(&changes).map(|[from_s, to_s]| KeptStretch { from_s, to_s }),
@@ -132,7 +136,7 @@ pub async fn edits(State(app): State<App>, by: Member, at: PathKey) -> HandlerRe
 ///
 /// `this_box` and `other_box` answer the `box_question` of a session. After `this_box` the session counts, and later
 /// recordings with the same surroundings are not asked about. After `other_box` its values are withheld and it counts
-/// nowhere; upload the recording again under its box. Undo an answer before giving the other one.
+/// nowhere; move it to its box with `POST /sessions/{id}/moves`. Undo an answer before giving the other one.
 #[utoipa::path(post, path = "/sessions/{id}/edits", tag = "sessions",
     params(("id" = String, Path, description = "id")), request_body = NewEdit,
     responses((status = CREATED, body = EditResponse)))]

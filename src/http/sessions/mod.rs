@@ -1,4 +1,4 @@
-//! Sessions: recordings, their status, results, files, ratings, comments and edits.
+//! Sessions: recordings, their status, results, files, ratings, comments, edits and moves.
 
 mod comments;
 mod edits;
@@ -7,6 +7,7 @@ mod features;
 mod files;
 mod import;
 mod live;
+mod moves;
 mod ratings;
 mod read;
 mod results;
@@ -22,6 +23,7 @@ pub use features::*;
 pub use files::*;
 pub use import::*;
 pub use live::*;
+pub use moves::*;
 pub use ratings::*;
 pub use read::*;
 pub use results::*;

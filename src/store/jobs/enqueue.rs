@@ -211,7 +211,7 @@ pub(super) async fn current_result(
 
 const SESSIONS_WITHOUT_JOB: &str = "
     SELECT id FROM session
-    WHERE box_id = $1 AND NOT EXISTS (SELECT 1 FROM job WHERE session_id = session.id) ORDER BY id";
+    WHERE box_id = $1 AND NOT EXISTS (SELECT 1 FROM tracking_job WHERE session_id = session.id) ORDER BY id";
 
 /// Queues the sessions of a box that have waited for its camera or colours.
 pub(in crate::store) async fn enqueue_waiting_sessions(

@@ -150,12 +150,13 @@ impl JobStore<'_> {
     }
 }
 
-const CURRENT_CLOCK: &str = "SELECT clock FROM current_result WHERE session_id = $1";
+const LATEST_CLOCK: &str = "SELECT clock FROM result WHERE session_id = $1 ORDER BY rowid DESC LIMIT 1";
 
-/// The factor of the times of the session's current result; 1 if there is none.
+/// The factor of the times that the session's edits and comments have: those of its latest result, of any box; 1 if
+/// there is none.
 async fn current_factor(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<f64> {
     let clock: Option<Option<Json<ResultClock>>> =
-        sqlx::query_scalar(CURRENT_CLOCK).bind(session).fetch_optional(tx).await?;
+        sqlx::query_scalar(LATEST_CLOCK).bind(session).fetch_optional(tx).await?;
     Ok(factor_of(clock.flatten().map(|Json(clock)| clock)))
 }
 

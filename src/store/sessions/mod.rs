@@ -20,7 +20,7 @@ mod write;
 pub use attention::AttentionItem;
 pub use practice::{Practice, PracticeMeasurement, PracticeResult, PracticeSession, TraineeTask};
 pub use result::{SessionOrderKey, SessionResult};
-pub(super) use write::{DELETE_SESSION, NewSessionRow, SELECT_SAME_SESSION, insert};
+pub(super) use write::{DELETE_SESSION, NewSessionRow, SELECT_SAME_PATH, SELECT_SAME_SESSION, insert};
 
 use super::error::{StoreResult, not_found};
 use super::page::{Page, PageRequest};

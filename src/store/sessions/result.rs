@@ -115,7 +115,8 @@ const SELECT_RESULTS: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
-    ORDER BY result.rowid DESC LIMIT $4";
+    ORDER BY result.id = (SELECT current.id FROM current_result AS current WHERE current.session_id = $3) DESC,
+             result.rowid DESC LIMIT $4";
 
 const SELECT_HAS_EARLIER_RUNNING: &str = "
     SELECT EXISTS (SELECT 1 FROM job JOIN session ON session.id = job.session_id

@@ -24,7 +24,8 @@ export function Edits({ session, person, edits, playback, tools, onEdited }) {
   const [problem, setProblem] = useState(null);
   if (!edits) return null;
   const mayEdit = may(person, 'edit_sessions');
-  const [inForce, undone] = [edits.items.filter(edit => !edit.undone), edits.items.filter(edit => edit.undone)];
+  const isInForce = edit => !edit.undone && !edit.for_other_box;
+  const [inForce, undone] = [edits.items.filter(isInForce), edits.items.filter(edit => !isInForce(edit))];
   if (!mayEdit && !inForce.length) return null;
   const undo = edit => api.sessions.undo(session.id, edit.id).then(onEdited, error => setProblem(asProblem(error)));
   const scored = session.status === 'done' && tools.length > 0;
@@ -80,7 +81,8 @@ const EditEntry = ({ edit }) => html`
     <strong>${editText(edit)}</strong>
     <p class="said">${FROM_SERVICE[edit.why] ?? edit.why}</p>
     <p class="small muted">${author(edit)}, ${dateTime(edit.created_at)}${edit.undone &&
-      ` · ${words.undoneBy(edit.undone.who ?? words.gone, dateTime(edit.undone.at))}`}</p>
+      ` · ${words.undoneBy(edit.undone.who ?? words.gone, dateTime(edit.undone.at))}`}${
+      !edit.undone && edit.for_other_box && ` · ${words.beforeMove}`}</p>
   </div>`;
 
 /** Between an edit and its score, the old numbers are shown, and the notice says so. @param {Props} props */

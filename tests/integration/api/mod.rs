@@ -18,6 +18,7 @@ mod hostile;
 mod large_answers;
 mod looks;
 mod models;
+mod moves;
 mod nouns;
 mod overview;
 mod owners;
