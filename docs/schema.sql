@@ -172,7 +172,7 @@ CREATE TABLE "job" (
     queued_at_ms   INTEGER NOT NULL CHECK (queued_at_ms >= created_at_ms),   -- when it was last queued, epoch ms
     started_at_ms  INTEGER,                                                  -- when it was last claimed, epoch ms
     ended_at_ms    INTEGER,                                                  -- when it ended, epoch ms
-    advice         TEXT CHECK (json_valid(advice)), lost_leases INTEGER NOT NULL DEFAULT 0 CHECK (lost_leases >= 0), calibration_id TEXT AS (json_extract(input, '$.calibration')),                          -- PaletteAdvice; NULL: none (yet)
+    advice         TEXT CHECK (json_valid(advice)), lost_leases INTEGER NOT NULL DEFAULT 0 CHECK (lost_leases >= 0), calibration_id TEXT AS (iif(json_valid(input), json_extract(input, '$.calibration'), NULL)),                          -- PaletteAdvice; NULL: none (yet)
     UNIQUE (kind, input_hash, versions),
     FOREIGN KEY (kind, subject) REFERENCES job_kind (name, subject) ON DELETE RESTRICT, -- a known kind, on its subject
     CHECK ((session_id IS NULL) <> (box_id IS NULL)),

@@ -34,7 +34,7 @@ DROP INDEX session_box_answer;
 CREATE UNIQUE INDEX session_box_answer ON session_edit (session_id, box_id) WHERE kind IN ('this_box', 'other_box') AND undone_at_ms IS NULL;
 
 -- The camera that a job measures with, from its input.
-ALTER TABLE job ADD COLUMN calibration_id TEXT AS (json_extract(input, '$.calibration'));
+ALTER TABLE job ADD COLUMN calibration_id TEXT AS (iif(json_valid(input), json_extract(input, '$.calibration'), NULL));
 
 DROP VIEW assessed_session;
 DROP VIEW session_record;

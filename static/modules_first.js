@@ -16,7 +16,7 @@
       parts/session/box_question.js parts/session/cohort_places.js parts/session/comments.js
       parts/session/compared_space.js
       parts/session/edit_dialog.js parts/session/edits.js parts/session/evidence.js parts/session/features.js
-      parts/session/ghost.js parts/session/moves.js parts/session/quality.js parts/session/ratings.js parts/session/review.js
+      parts/session/ghost.js parts/session/moves.js parts/session/outcome_card.js parts/session/quality.js parts/session/ratings.js parts/session/review.js
       parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js watch.js with_error.js`,
     trainee: `
       format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js parts/charts/progress_plot.js

@@ -74,9 +74,15 @@ const BODY: &str = "body";
 fn json_problem(error: serde_json::Error, field: &str) -> ProblemResponse {
     match error.classify() {
         Category::Data => {
-            let field = if field.contains(char::is_alphanumeric) { field } else { BODY };
-            let detail = format!("{error}. See /docs for the fields of this request.");
-            Refusal::Invalid.with(detail).of_field(field)
+            let place = format!(" at line {} column {}", error.line(), error.column());
+            let text = error.to_string();
+            let reason = text.strip_suffix(&place).unwrap_or(&text);
+            match field.contains(char::is_alphanumeric) {
+                true => Refusal::Invalid.with(format!("{reason}.")).of_field(field),
+                false => {
+                    Refusal::Invalid.with(format!("{reason}. See /docs for the fields of this request.")).of_field(BODY)
+                }
+            }
         }
         Category::Io | Category::Syntax | Category::Eof => {
             Refusal::BadRequest.with(format!("The body is not JSON: {error}.")).of_field(BODY)

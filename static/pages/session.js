@@ -13,10 +13,11 @@ import { Retimed, SetAside } from '../parts/session/edits.js';
 import { LiveFeatures, LiveView } from '../parts/live/live_view.js';
 import { MoveButton, Moves } from '../parts/session/moves.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { OutcomeCard } from '../parts/session/outcome_card.js';
 import { Review } from '../parts/session/review.js';
 import { Skill } from '../parts/session/skill.js';
 import { recordedAtText } from '../parts/page/recorded_at.js';
-import { isMoving, ProgressBar, stateOf, StatusPill } from '../parts/page/status.js';
+import { isMoving, outcomeOf, ProgressBar, stateOf, StatusPill } from '../parts/page/status.js';
 import { ProblemDetail } from '../parts/page/prose.js';
 import { Verdict } from '../parts/session/verdict.js';
 
@@ -60,10 +61,11 @@ export default function Session({ person, route }) {
       <${EarlyEnd} session=${session} />
       <${SetAside} session=${session} edits=${edits} />
       <${Retimed} session=${session} edits=${edits} />
+      ${session.status === 'done' && html`<${OutcomeCard} session=${session} />`}
       ${session.status === 'done' && html`<${Verdict} quality=${session.quality} /><${Skill} verdict=${session.verdict} />`}
+      <${Moves} session=${session} />
       ${session.status !== 'receiving' && html`<${ReviewLoader} key=${`${session.id} ${session.status}`} session=${session}
         person=${person} edits=${edits} start=${Number(route.query.get('t')) || 0} onEdited=${() => (readEdits(), reload())} />`}
-      <${Moves} session=${session} />
     </div>`;
 }
 
@@ -121,7 +123,7 @@ function Actions({ session, person, onChange }) {
   };
   const remove = () => api.sessions.remove(session.id).then(() => go(['sessions']));
   return html`
-    <${StatusPill} state=${stateOf(session)} />
+    <${StatusPill} state=${outcomeOf(session)} />
     ${session.status === 'done' && html`<a class="button" href=${href(['sessions', session.id, 'report'])}>${t.report.open}</a>`}
     ${!isMoving(session) && session.retry_can_help && may(person, 'retry') && html`<button class=${`button ${session.status === 'failed' ? 'main'
       : ''}`} type="button" title=${words.again} disabled=${busy} onClick=${retry}>${busy ? words.retryBusy

@@ -10,7 +10,7 @@ import { t } from '../texts.js';
 import { Field } from '../parts/forms/form.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { ArrivalNote } from '../parts/page/recorded_at.js';
-import { stateOf, StatusPill } from '../parts/page/status.js';
+import { Outcome } from '../parts/page/status.js';
 
 const words = t.sessions;
 const FILTERS = ['trainee', 'task', 'box', 'status'];
@@ -110,8 +110,7 @@ const Table = ({ items }) => html`
               <td class="second">${session.box?.name}</td>
               <td class="muted third">${session.filename}</td>
               <td class="number second">${session.video ? clock(session.video.duration_s, 0) : '–'}</td>
-              <td><${StatusPill} state=${stateOf(session)} />${session.set_aside && html` <span class="small muted">${
-                words.aside}</span>`}</td>
+              <td><${Outcome} session=${session} /></td>
             </tr>`)}
       </tbody>
     </table>

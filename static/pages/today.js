@@ -13,7 +13,7 @@ import { icons } from '../parts/page/icons.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { OwnCourses } from '../parts/courses/own_courses.js';
 import { traineeId } from '../parts/page/shell.js';
-import { isMoving, ProgressBar, stateOf, StatusPill } from '../parts/page/status.js';
+import { isMoving, Outcome, ProgressBar, stateOf, StatusPill } from '../parts/page/status.js';
 import { ProblemDetail } from '../parts/page/prose.js';
 
 const words = t.today;
@@ -155,4 +155,4 @@ const Failed = ({ session }) => html`
   </li>`;
 
 /** @param {Props} props */
-const Done = ({ session }) => html`<li><${Name} session=${session} /><${StatusPill} state=${stateOf(session)} /></li>`;
+const Done = ({ session }) => html`<li><${Name} session=${session} /><${Outcome} session=${session} /></li>`;

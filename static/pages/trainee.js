@@ -17,7 +17,7 @@ import { spaceChoices } from '../parts/tasks/space_choice.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
 import { ProgressSummary } from '../parts/people/progress_summary.js';
 import { ArrivalNote } from '../parts/page/recorded_at.js';
-import { StatusPill } from '../parts/page/status.js';
+import { Outcome } from '../parts/page/status.js';
 
 const words = t.trainee;
 const NO_COHORT = '-'; // In the address: no cohort.
@@ -107,7 +107,7 @@ function Progress({ id, base, route }) {
     </section>
     ${data && !none && html`<div class="stack after">${!query.feature && html`<${StrengthsAndWeaknesses} progress=${data} />`}
       ${data.charts && html`<${MonitorCharts} charts=${data.charts} />`}</div>`}
-    ${data && data.sessions.length > 0 && html`<${Sessions} sessions=${data.sessions} />`}`;
+    ${data && data.sessions.length > 0 && html`<${Sessions} trainee=${id} taskId=${task.id} progress=${data} />`}`;
 }
 
 /** The cohort that the address names, if any. */
@@ -116,14 +116,24 @@ const cohortOf = route => (route.query.get('cohort') === NO_COHORT ? undefined :
 /** Identifies a series in the address. */
 const seriesKey = one => [one.feature, one.tool ?? '', one.space].join('|');
 
-/** @param {Props} props */
-const Sessions = ({ sessions }) => html`
-  <section class="card list">
-    <header><h2>${words.table}</h2></header>
-    <ul class="queue">
-      ${[...sessions].reverse().map(session => html`<li key=${session.id}><div>
-        <a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a><${ArrivalNote} session=${session} />
-        ${words.setAside[session.set_aside ?? ''] && html`<span class="small muted">${words.setAside[session.set_aside ?? '']}</span>`}</div>
-        <${StatusPill} state=${['refused', 'box_asked', 'other_box'].includes(session.set_aside ?? '') ? session.set_aside : session.status} /></li>`)}
-    </ul>
-  </section>`;
+const LATEST = 50;
+/** Reasons why a session does not count that its outcome does not say. */
+const NOTED = ['box_asked', 'other_box', 'other_version'];
+
+/** The latest sessions of the task, with their outcomes. @param {Props} props */
+function Sessions({ trainee, taskId, progress }) {
+  const { data, problem, reload } = useData(signal => api.sessions.page({ trainee, task: taskId, limit: LATEST }, signal), [trainee, taskId, progress]);
+  const notes = new Map(progress.sessions.filter(step => NOTED.includes(step.set_aside ?? '')).map(step => [step.id, words.setAside[step.set_aside ?? '']]));
+  return html`
+    <section class="card list">
+      <header><h2>${words.table}</h2>${data?.next && html`<a href=${href(['sessions'], { trainee, task: taskId })}>${t.today.all}</a>`}</header>
+      <${ProblemNotice} problem=${problem} onRetry=${reload} />
+      ${!data && !problem && html`<${Loading} />`}
+      <ul class="queue">
+        ${data?.items.map(session => html`<li key=${session.id}><div>
+          <a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a><${ArrivalNote} session=${session} />
+          ${notes.get(session.id) && html`<span class="small muted">${notes.get(session.id)}</span>`}</div>
+          <${Outcome} session=${session} /></li>`)}
+      </ul>
+    </section>`;
+}

@@ -115,7 +115,8 @@ test('the session is moved to another task with a reason, and back', async () =>
     await page.getByRole('heading', { level: 1 }).getByText(task).waitFor();
   };
   await moveTo(other.name, 'The wrong task was chosen.');
-  const entry = page.locator('.card', { has: page.getByRole('heading', { name: 'Moves' }) }).locator('li').first();
+  await page.getByText('This session was moved once').click();
+  const entry = page.locator('.moves li').first();
   assert.match(await entry.innerText(), /Task: .+ → Threading in a box\s+The wrong task was chosen\./);
   const moved = await session();
   assert.deepEqual([moved.task.id, moved.result], [other.id, before.result]);

@@ -1,7 +1,7 @@
 //! Judging values and sessions against targets.
 
 use super::{StandardDefinition, Target};
-use crate::domain::feature::StoredFeatureKey;
+use crate::domain::feature::{FeatureKey, StoredFeatureKey};
 use crate::domain::named;
 use crate::domain::session::FeatureRow;
 use crate::domain::trainee::Handedness;
@@ -87,7 +87,19 @@ impl StandardDefinition {
             let (value, is_lower_bound) = (row.value.as_ref().ok().copied(), row.is_lower_bound());
             target.judge(ValueToJudge { value, bar, is_lower_bound, pipeline, handedness }).into()
         };
-        match TrialOutcome::of_all(&self.targets.iter().map(judged).collect::<Vec<_>>()) {
+        TrialOutcome::of_all(&self.targets.iter().map(judged).collect::<Vec<_>>()).into()
+    }
+
+    /// The same from the judgement of each feature; `None` for one that was not judged.
+    pub fn judge_all(&self, of: impl Fn(&FeatureKey) -> Option<Judgement>) -> SessionJudgement {
+        let judged = |target: &Target| of(&target.of).unwrap_or(Judgement::NotMeasured).into();
+        TrialOutcome::of_all(&self.targets.iter().map(judged).collect::<Vec<_>>()).into()
+    }
+}
+
+impl From<TrialOutcome> for SessionJudgement {
+    fn from(outcome: TrialOutcome) -> Self {
+        match outcome {
             TrialOutcome::Passed => SessionJudgement::Pass,
             TrialOutcome::Failed => SessionJudgement::Fail,
             TrialOutcome::Unknown => SessionJudgement::Unknown,
@@ -133,7 +145,6 @@ impl From<Judgement> for standard::TargetJudgement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::feature::FeatureKey;
     use crate::domain::session::FeatureSpace;
     use crate::domain::standard::MadeFrom;
     use crate::motion::features::Direction;

@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::domain::feature::{ComparisonSpace, StoredFeatureKey};
+use crate::domain::feature::{ComparisonSpace, FeatureKey, StoredFeatureKey};
 use crate::domain::feed::arrival::Arrival;
 use crate::domain::feed::early_end::EarlyEnd;
 use crate::domain::files::quality::QualityDocument;
@@ -14,7 +14,7 @@ use crate::domain::session::{
     Versions,
 };
 use crate::domain::skill::SkillVerdict;
-use crate::domain::standard::{Better, Judgement, ValueToJudge};
+use crate::domain::standard::{Better, Judgement, SessionJudgement, ValueToJudge};
 use crate::domain::text::TrackerName;
 use crate::domain::trainee::Handedness;
 use crate::http::error::ProblemDocument;
@@ -75,6 +75,9 @@ pub struct SessionResponse {
     live_features: Option<Vec<LiveFeature>>,
     /// Always `null`: reserved for a rank in a reference cohort. `verdict` and the task's standards judge a session.
     score: Option<Value>,
+    /// Whether the session met the task's standard: all its limits (`pass`), not all (`fail`), or too little is known
+    /// (`unknown`). `null` while there is no result or no standard, and for a session that counts nowhere.
+    judgement: Option<SessionJudgement>,
     /// Verdict of the task's model of skill, or why it gives none; `null` in lists, while there is no result, and for a
     /// session that may show another box.
     verdict: Option<SkillVerdict>,
@@ -239,6 +242,7 @@ impl SessionResponse {
             compare_in: None,
             live_features: None,
             score: None,
+            judgement: None,
             verdict: None,
             quality: None,
             versions: None,
@@ -275,11 +279,16 @@ impl SessionResponse {
         self
     }
 
-    /// Judges the features by the task's standard, unless the session may show another box.
+    /// Judges the features and the session by the task's standard, unless the session may show another box. One that was
+    /// set aside counts nowhere, so only its features are judged.
     pub fn judged_by(mut self, standard: Option<&store::StandardRecord>, handedness: Option<Handedness>) -> Self {
         let standard = standard.filter(|_| self.box_question.is_none_or(BoxQuestion::counts));
         if let (Some(standard), Some(versions)) = (standard, &self.versions) {
             self.features.iter_mut().for_each(|feature| feature.judge(standard, &versions.pipeline, handedness));
+            let of_feature = |key: &FeatureKey| {
+                self.features.iter().find(|feature| feature.key() == *key).and_then(|feature| feature.judgement)
+            };
+            self.judgement = (!self.set_aside).then(|| standard.definition.judge_all(of_feature));
         }
         self
     }
@@ -337,9 +346,12 @@ impl From<FeatureRow> for FeatureResponse {
 }
 
 impl FeatureResponse {
+    fn key(&self) -> StoredFeatureKey {
+        StoredFeatureKey { feature: self.name.clone(), tool: self.tool.clone(), space: self.space }
+    }
+
     fn judge(&mut self, standard: &store::StandardRecord, pipeline: &str, handedness: Option<Handedness>) {
-        let key = StoredFeatureKey { feature: self.name.clone(), tool: self.tool.clone(), space: self.space };
-        let Some(target) = standard.definition.target(&key) else { return };
+        let Some(target) = standard.definition.target(&self.key()) else { return };
         let bar = self.error.map(|error| [error.low, error.high]);
         let (value, is_lower_bound) = (self.value, self.is_lower_bound);
         self.judgement = Some(target.judge(ValueToJudge { value, bar, is_lower_bound, pipeline, handedness }));

@@ -1,7 +1,7 @@
 // Forms from a list of fields: labels, hints, the server's problem inside the form, and no double submission.
 import { html, useId, useRef, useState } from '../../preact.js';
 import { asProblem } from '../../data.js';
-import { t } from '../../texts.js';
+import { serviceLang, t } from '../../texts.js';
 import { ProblemNotice } from '../page/notice.js';
 
 /** One labelled input. `type`: text, password, number, date…, file, select (`options: [value, text][]`), textarea, checks. */
@@ -17,6 +17,7 @@ export function Field({
   wide,
   onInput,
   inputRef,
+  error,
   ...more
 }) {
   const id = useId();
@@ -24,7 +25,8 @@ export function Field({
     id,
     name,
     required,
-    'aria-describedby': hint ? `${id}-hint` : undefined,
+    'aria-describedby': [hint && `${id}-hint`, error && `${id}-error`].filter(Boolean).join(' ') || undefined,
+    'aria-invalid': error ? 'true' : undefined,
     onInput,
     ref: inputRef,
     ...more,
@@ -40,6 +42,7 @@ export function Field({
       ${type === 'textarea' && html`<textarea ...${shared} defaultValue=${value ?? ''}></textarea>`}
       ${type !== 'select' && type !== 'textarea' && html`<input type=${type} ...${shared} ...${type === 'file' ? {}
         : { defaultValue: value ?? '' }} />`}
+      ${error && html`<p class="hint wrong" id=${`${id}-error`} lang=${serviceLang}>${error}</p>`}
       ${hint && html`<p class="hint" id=${`${id}-hint`}>${hint}</p>`}
     </div>`;
 }
@@ -64,6 +67,8 @@ export function Form({ fields, onSave, onCancel, cancel = t.form.cancel, submit 
   const choose = event =>
     event.target.tagName === 'SELECT' && setChosen(before => ({ ...before, [event.target.name]: event.target.value }));
   const shown = fields.filter(field => !field.when || field.when(chosen));
+  /** What is wrong with a field, as the service says. */
+  const errorOf = name => problem?.errors?.find(one => one.field === name)?.message;
   const save = async event => {
     event.preventDefault();
     setBusy(true);
@@ -79,7 +84,7 @@ export function Form({ fields, onSave, onCancel, cancel = t.form.cancel, submit 
     <form class="stack" ref=${form} onSubmit=${save} onInput=${choose}>
       <${ProblemNotice} problem=${problem} />
       <div class="fields">
-        ${shown.map(field => html`<${Field} key=${field.name} optional=${isOptional(field)} ...${field}
+        ${shown.map(field => html`<${Field} key=${field.name} optional=${isOptional(field)} error=${errorOf(field.name)} ...${field}
           value=${field.type === 'select' ? chosen[field.name] : field.value} />`)}
       </div>
       ${children}

@@ -1,11 +1,12 @@
 // The list of uploads: which run, which stopped and why, and which need their file again after a reload.
-import { html, useRef, useState } from '../../preact.js';
+import { html, useEffect, useRef, useState } from '../../preact.js';
+import { api } from '../../api.js';
 import { bytes, clock, percent } from '../../format.js';
 import { useLive } from '../../live.js';
 import { href } from '../../router.js';
 import { t } from '../../texts.js';
 import { Announce, ProblemNotice } from '../page/notice.js';
-import { ProgressBar, StatusPill } from '../page/status.js';
+import { isMoving, Outcome, outcomeOf, ProgressBar, StatusPill } from '../page/status.js';
 import { cancel, forget, pause, resume, resumeWith } from './uploads.js';
 
 const words = t.upload;
@@ -14,24 +15,41 @@ const TONES = { sending: 'busy', done: 'good', failed: 'bad', lost: 'warn', paus
 /** `namesOf(target)` gives the names of trainee, task and box. @param {Props} props */
 export function UploadList({ items, namesOf }) {
   const [scoring, setScoring] = useState({}); // The scoring of uploads that have arrived, by session.
-  useLive('session', event => setScoring(before => ({ ...before, [event.id]: event })));
-  const state = item =>
-    item.state === 'done' && scoring[item.session] ? t.status[scoring[item.session].status] : words.states[item.state];
+  const [ended, setEnded] = useState({}); // Those that are scored or failed, with all that their row says.
+  const readEnded = async id => {
+    const session = await api.sessions.get(id).catch(() => null);
+    if (session && !isMoving(session)) setEnded(before => ({ ...before, [id]: session }));
+  };
+  useLive('session', event => {
+    setScoring(before => ({ ...before, [event.id]: event }));
+    const isShown = items.some(item => item.session === event.id);
+    if (isShown && !isMoving(event)) readEnded(event.id);
+  });
+  const arrived = items.filter(item => item.state === 'done' && item.session).map(item => item.session);
+  useEffect(() => {
+    for (const id of arrived) if (!ended[id]) readEnded(id);
+  }, [arrived.join()]);
+  const state = item => {
+    if (item.state !== 'done') return words.states[item.state];
+    const session = ended[item.session];
+    if (session) return t.status[outcomeOf(session)];
+    return scoring[item.session] ? t.status[scoring[item.session].status] : words.states.done;
+  };
   return html`
     <${Announce}>${items.map(item => words.announce(item.name, state(item))).join('. ')}<//>
     <ul class="sending">${items.map(item => html`<${Item} key=${item.key} item=${item} names=${namesOf(item.target)}
-      scoring=${item.state === 'done' ? scoring[item.session] : null} />`)}</ul>`;
+      scoring=${item.state === 'done' ? scoring[item.session] : null} ended=${ended[item.session]} />`)}</ul>`;
 }
 
-const Item = ({ item, names, scoring }) => html`
+const Item = ({ item, names, scoring, ended }) => html`
   <li>
     <div>
       <div class="name">${item.name}</div>
       <div class="small muted">${names}</div>
     </div>
-    ${scoring ? html`<${StatusPill} state=${scoring.status} />`
+    ${ended ? html`<${Outcome} session=${ended} />` : scoring ? html`<${StatusPill} state=${scoring.status} />`
       : html`<span class=${`pill ${TONES[item.state]}`}>${words.states[item.state]}</span>`}
-    ${scoring?.status === 'tracking' && html`<div class="wide"><${ProgressBar} value=${scoring.progress}
+    ${!ended && scoring?.status === 'tracking' && html`<div class="wide"><${ProgressBar} value=${scoring.progress}
       name=${item.name} /></div>`}
     ${item.state !== 'done' && html`
       <div class="wide stack tight">

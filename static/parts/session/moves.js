@@ -57,14 +57,14 @@ export function Moves({ session }) {
   const { data } = useData(signal => api.sessions.moves(session.id, signal), [session.id, filed]);
   if (!data?.items.length) return null;
   return html`
-    <section class="card">
-      <header><h2>${words.list}</h2></header>
-      <div class="body"><ul class="edit-list">${data.items.map(made => html`
+    <details class="card moves">
+      <summary>${words.list(data.items.length)}</summary>
+      <ul class="edit-list">${data.items.map(made => html`
         <li key=${made.id}><div>
           ${made.changes.map(change => html`<strong key=${change.part}>${
             words.says(t.target[change.part], change.from?.name ?? words.unnamed, change.to?.name ?? words.unnamed)}</strong>`)}
           <p class="said">${made.why}</p>
           <p class="small muted">${made.who ?? t.session.edits.gone}, ${dateTime(made.created_at)}</p>
-        </div></li>`)}</ul></div>
-    </section>`;
+        </div></li>`)}</ul>
+    </details>`;
 }

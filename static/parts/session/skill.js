@@ -9,9 +9,9 @@ const words = t.session.skill;
 const LEVELS = ['novice', 'intermediate', 'expert'];
 const wholePercent = share => percent(Math.round(100 * share) / 100);
 
-/** For a refused session, the page already says everything. @param {Props} props */
+/** For a refused session the page already says everything, and without a model there is nothing to say. @param {Props} props */
 export function Skill({ verdict }) {
-  if (!verdict || verdict.reason?.name === 'refused') return null;
+  if (!verdict || ['refused', 'no_model'].includes(verdict.reason?.name ?? '')) return null;
   const { level, reason, probabilities, carried, accuracy, accuracy_where_given: given, model } = verdict;
   return html`
     <section class="card">

@@ -177,3 +177,16 @@ async fn assert_cursor_is_refused(centre: &Centre, list: &str, cursor: &str) {
     let what_to_do = refused["detail"].as_str().unwrap();
     assert!(what_to_do.contains("use `next` of the previous page"), "{list}: {refused}");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_value_that_cannot_be_used_is_named_with_its_field_and_no_place_in_the_json() {
+    let centre = Centre::open().await;
+    let account = json!({"login": "ines maier", "name": "Ines", "role": "instructor"});
+    let refused = problem(centre.administrator.post("/api/v1/people", account).await, 422, "invalid").await;
+    let error = &refused["errors"][0];
+    assert_eq!((error["field"].as_str(), refused["errors"].as_array().unwrap().len()), (Some("login"), 1), "{refused}");
+    for text in [&error["message"], &refused["detail"]] {
+        let text = text.as_str().unwrap();
+        assert!(text.contains("login") && !text.contains("column") && !text.contains("/docs"), "{text}");
+    }
+}

@@ -351,9 +351,7 @@ impl QualityCause {
     /// What to do about it; `is_bare`: whether it concerns a tool without tape.
     pub fn advice(self, is_bare: bool) -> &'static str {
         match self {
-            QualityCause::OtherBox => {
-                "upload the recording again under the box where it was made, then erase this session"
-            }
+            QualityCause::OtherBox => "move the session to the box where it was recorded",
             QualityCause::BoxSurroundings | QualityCause::BoxTrocars => {
                 "say whether it is this box. Until then the session counts nowhere, and its lengths and speeds may be \
                  wrong: another box has another camera"
