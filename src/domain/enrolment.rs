@@ -55,14 +55,35 @@ pub struct RowProblem {
     pub message: String,
 }
 
-/// Reads the rows: all trainees, or all problems found in the rows.
-pub fn parse_rows(rows: &[EnrolmentRow]) -> Result<Vec<CheckedEnrolment>, Vec<RowProblem>> {
+/// A row as far as it can be read: its code and its group are looked up even if another field is wrong, so that all
+/// problems of a list are reported at once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadRow {
+    /// The code, if it is given and can be used.
+    pub code: Option<Code>,
+    /// The name of the group, if it is given.
+    pub group: Option<String>,
+    /// The trainee; `None` if a field cannot be used.
+    pub trainee: Option<CheckedEnrolment>,
+}
+
+/// The rows of a list as read, with the problems that they show by themselves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadRows {
+    /// The rows, in their order.
+    pub rows: Vec<ReadRow>,
+    /// The problems, by row.
+    pub problems: Vec<RowProblem>,
+}
+
+/// Reads the rows of a list.
+pub fn parse_rows(rows: &[EnrolmentRow]) -> ReadRows {
     let mut problems = Vec::new();
-    let enrolled: Vec<Option<CheckedEnrolment>> =
+    let read: Vec<ReadRow> =
         rows.iter().enumerate().map(|(index, row)| parse_row(index + 1, row, &mut problems)).collect();
     let mut met: HashMap<&Code, usize> = HashMap::new();
-    for (index, of) in enrolled.iter().enumerate() {
-        let Some(code) = of.as_ref().and_then(|of| of.code.as_ref()) else { continue };
+    for (index, row) in read.iter().enumerate() {
+        let Some(code) = &row.code else { continue };
         if let Some(first) = met.insert(code, index + 1) {
             problems.push(row_problem(
                 index + 1,
@@ -72,7 +93,7 @@ pub fn parse_rows(rows: &[EnrolmentRow]) -> Result<Vec<CheckedEnrolment>, Vec<Ro
         }
     }
     problems.sort_by_key(|problem| problem.row);
-    if problems.is_empty() { Ok(enrolled.into_iter().flatten().collect()) } else { Err(problems) }
+    ReadRows { rows: read, problems }
 }
 
 /// Creates the problem of a row.
@@ -80,18 +101,18 @@ pub fn row_problem(row: usize, field: &'static str, message: impl Into<String>) 
     RowProblem { row, field, message: message.into() }
 }
 
-fn parse_row(row: usize, of: &EnrolmentRow, problems: &mut Vec<RowProblem>) -> Option<CheckedEnrolment> {
+fn parse_row(row: usize, of: &EnrolmentRow, problems: &mut Vec<RowProblem>) -> ReadRow {
     let before = problems.len();
     let name = parse_field::<Name>(row, "name", Some(of.name.trim()), problems);
-    let code = parse_field(row, "code", non_empty(&of.code), problems);
+    let code: Option<Code> = parse_field(row, "code", non_empty(&of.code), problems);
     let level = parse_field(row, "level", non_empty(&of.level).map(str::to_lowercase).as_deref(), problems);
     let handedness =
         parse_field(row, "handedness", non_empty(&of.handedness).map(str::to_lowercase).as_deref(), problems);
     let group = non_empty(&of.group).map(str::to_owned);
-    if problems.len() > before {
-        return None;
-    }
-    Some(CheckedEnrolment { name: name?, code, level, handedness, group })
+    let name = name.filter(|_| problems.len() == before);
+    let trainee =
+        name.map(|name| CheckedEnrolment { name, code: code.clone(), level, handedness, group: group.clone() });
+    ReadRow { code, group, trainee }
 }
 
 fn non_empty(text: &Option<String>) -> Option<&str> {
@@ -123,10 +144,15 @@ mod tests {
         EnrolmentRow { name, code: Some(code), level: Some(level), handedness: Some(handedness), group: Some(group) }
     }
 
+    /// All trainees, or all problems.
+    fn read(rows: &[EnrolmentRow]) -> Result<Vec<CheckedEnrolment>, Vec<RowProblem>> {
+        let ReadRows { rows, problems } = parse_rows(rows);
+        if problems.is_empty() { Ok(rows.into_iter().filter_map(|row| row.trainee).collect()) } else { Err(problems) }
+    }
+
     #[test]
     fn a_row_is_trimmed_and_read_without_regard_to_case() {
-        let read =
-            parse_rows(&[row([" Ana Lopez ", "", "Novice", "LEFT", " Group one "]), row(["Ben", "b-1", "", "", ""])]);
+        let read = read(&[row([" Ana Lopez ", "", "Novice", "LEFT", " Group one "]), row(["Ben", "b-1", "", "", ""])]);
         let [ana, ben] = <[CheckedEnrolment; 2]>::try_from(read.unwrap()).unwrap();
         assert_eq!((ana.name.as_str(), ana.code, ana.level), ("Ana Lopez", None, Some(Level::Novice)));
         assert_eq!((ana.handedness, ana.group.as_deref()), (Some(Handedness::Left), Some("Group one")));
@@ -140,10 +166,10 @@ mod tests {
             row(["Ana", "ana", "", "", ""]),
             row(["Ann", "ana", "", "third", ""]),
         ];
-        let problems = parse_rows(&rows).unwrap_err();
+        let problems = read(&rows).unwrap_err();
         let found: Vec<(usize, &str)> = problems.iter().map(|problem| (problem.row, problem.field)).collect();
         assert_eq!(found, [(1, "name"), (1, "code"), (1, "level"), (3, "handedness")]);
-        let twice = parse_rows(&[row(["Ana", "ana", "", "", ""]), row(["Ann", "ana", "", "", ""])]).unwrap_err();
+        let twice = read(&[row(["Ana", "ana", "", "", ""]), row(["Ann", "ana", "", "", ""])]).unwrap_err();
         assert_eq!((twice.len(), twice[0].row, twice[0].field), (1, 2, "code"));
         assert!(twice[0].message.contains("row 1"), "{twice:?}");
     }

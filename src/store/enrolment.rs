@@ -9,7 +9,7 @@ use super::error::StoreResult;
 use super::trainees::{INSERT_GROUP_TRAINEE, SELECT_CODE, TraineeRecord, TraineeStore, insert};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, codes};
-use crate::domain::enrolment::{CheckedEnrolment, RowProblem, row_problem};
+use crate::domain::enrolment::{CheckedEnrolment, ReadRows, RowProblem, row_problem};
 use crate::domain::role::Role;
 use crate::domain::text::Code;
 use crate::ids::{GroupId, TraineeId};
@@ -30,14 +30,15 @@ const SELECT_GROUPS_BY_NAME: &str = "
 
 impl TraineeStore<'_> {
     /// Enrols all trainees of a list in one transaction, or none; with `only_check` it only checks the list. Rows name
-    /// groups by their names, which must be in the scope. An instructor's trainee joins one of the instructor's groups.
-    pub async fn enrol(&self, scope: &Scope, rows: Vec<CheckedEnrolment>, only_check: bool) -> StoreResult<Enrolment> {
+    /// groups by their names, which must be in the scope. An instructor's trainee joins one of the instructor's groups. The
+    /// problems of the rows themselves are reported together with those that are found here.
+    pub async fn enrol(&self, scope: &Scope, read: ReadRows, only_check: bool) -> StoreResult<Enrolment> {
         require_staff(scope, "registering trainees")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
                 let groups = groups_of(tx, &scope).await?;
-                let mut problems = Vec::new();
+                let ReadRows { rows, mut problems } = read;
                 let mut joins = Vec::with_capacity(rows.len());
                 for (index, row) in rows.iter().enumerate() {
                     if let Some(code) = &row.code {
@@ -51,8 +52,10 @@ impl TraineeStore<'_> {
                     }
                 }
                 if !problems.is_empty() {
+                    problems.sort_by_key(|problem| problem.row);
                     return Ok(Enrolment::Refused(problems));
                 }
+                let rows = rows.into_iter().filter_map(|row| row.trainee).collect(); // without problems, all of them
                 if only_check {
                     return Ok(Enrolment::Done(Vec::new()));
                 }

@@ -46,11 +46,7 @@ pub async fn enrol(
     if !(1..=MAX_ROWS).contains(&rows.len()) {
         return Err(ProblemResponse::invalid("rows", format!("are {}; expected 1 to {MAX_ROWS}", rows.len())));
     }
-    let outcome = match enrolment::parse_rows(&rows) {
-        Ok(enrolled) => app.store.trainees().enrol(&by.scope, enrolled, only_check).await?,
-        Err(problems) => Enrolment::Refused(problems),
-    };
-    match outcome {
+    match app.store.trainees().enrol(&by.scope, enrolment::parse_rows(&rows), only_check).await? {
         Enrolment::Done(made) => Ok(Json(EnrolmentOutcome {
             enrolled: made.into_iter().map(|trainee| TraineeResponse::new(trainee, &by.scope)).collect(),
             problems: Vec::new(),

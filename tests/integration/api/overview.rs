@@ -42,9 +42,10 @@ async fn a_list_is_enrolled_whole_or_not_at_all() {
         let of = |row: &Value| (row["row"].as_u64().unwrap(), row["field"].as_str().unwrap().to_owned());
         problems.as_array().unwrap().iter().map(of).collect()
     };
-    // Problems within the rows are reported first, then conflicts with the data of the centre.
+    // Problems within the rows and conflicts with the data of the centre are reported together.
     let checked = centre.administrator.post(ENROLMENTS, json!({"rows": bad, "only_check": true})).await;
-    assert_eq!(rows_and_fields(&read(checked, StatusCode::OK).await["problems"]), [(3, "name".to_owned())]);
+    let expected = [(2, "code"), (3, "name"), (3, "group"), (4, "group")].map(|(row, field)| (row, field.to_owned()));
+    assert_eq!(rows_and_fields(&read(checked, StatusCode::OK).await["problems"]), expected);
     let bad = json!([good, {"name": "Dan", "code": "ada"}, {"name": "Eve", "group": "Three"}]);
     let refused = problem(centre.administrator.post(ENROLMENTS, json!({"rows": bad})).await, 422, "invalid").await;
     assert_eq!(rows_and_fields(&refused["problems"]), [(2, "code".to_owned()), (3, "group".to_owned())], "{refused}");
