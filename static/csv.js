@@ -1,4 +1,5 @@
-// Reads tables as spreadsheets save them (RFC 4180): commas, semicolons or tabs, quotes, any line ending.
+// Reads and writes tables of spreadsheets (RFC 4180): commas, semicolons or tabs, quotes, any line ending.
+import { language } from './texts.js';
 
 /** The text of a file: UTF-16 with a byte order mark, else UTF-8, else Windows-1252 as older spreadsheets write it. */
 export async function decodeFile(file) {
@@ -50,4 +51,24 @@ function guessSeparator(text) {
   const first = text.split('\n', 1)[0].replace(/"[^"]*"/g, '');
   const count = separator => first.split(separator).length;
   return [',', ';', '\t'].reduce((best, one) => (count(one) > count(best) ? one : best));
+}
+
+/** A text that a spreadsheet would run as a formula. */
+const FORMULA = /^[=+\-@\t\r]/;
+
+/**
+ * A table that the reader's spreadsheet opens in columns: with semicolons and decimal commas in German, and a byte order
+ * mark, without which umlauts break. `null` is an empty cell.
+ *
+ * @param {(string | number | null | undefined)[][]} rows
+ */
+export function csvText(rows) {
+  const [separator, decimal] = language === 'de' ? [';', ','] : [',', '.'];
+  const cell = value => {
+    if (value === null || value === undefined) return '';
+    if (typeof value === 'number') return String(value).replace('.', decimal);
+    const text = FORMULA.test(value) ? `'${value}` : value;
+    return /[",;\n\r]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
+  };
+  return `\uFEFF${rows.map(row => row.map(cell).join(separator)).join('\r\n')}\r\n`;
 }

@@ -2,7 +2,7 @@
 import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
-import { dateTime } from '../format.js';
+import { dateTime, unit } from '../format.js';
 import { useLive } from '../live.js';
 import { href, replace } from '../router.js';
 import { t } from '../texts.js';
@@ -17,6 +17,7 @@ import { spaceChoices } from '../parts/tasks/space_choice.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
 import { ProgressSummary } from '../parts/people/progress_summary.js';
 import { ArrivalNote } from '../parts/page/recorded_at.js';
+import { SaveTable } from '../parts/page/save_table.js';
 import { Outcome } from '../parts/page/status.js';
 
 const words = t.trainee;
@@ -102,7 +103,8 @@ function Progress({ id, base, route }) {
           <h3>${featureWithTool(series)}</h3>
           <${ProgressPlot} series=${series} sessions=${data.sessions} />
           ${series.target && html`<p class="small muted">${words.legend}</p>`}
-          <${ProgressSummary} progress=${data} series=${series} />`}
+          <${ProgressSummary} progress=${data} series=${series} />
+          <${SaveTable} name=${`${base.trainee?.name ?? ''} ${task.name}`} rows=${() => tableRows(data)} />`}
       </div>
     </section>
     ${data && !none && html`<div class="stack after">${!query.feature && html`<${StrengthsAndWeaknesses} progress=${data} />`}
@@ -112,6 +114,20 @@ function Progress({ id, base, route }) {
 
 /** The cohort that the address names, if any. */
 const cohortOf = route => (route.query.get('cohort') === NO_COHORT ? undefined : route.query.get('cohort'));
+
+/** The sessions with the values of all shown features, for a spreadsheet. */
+const tableRows = progress => [
+  [t.saveTable.number, t.sessions.recorded, t.sessions.status, ...progress.features.flatMap(one => {
+    const name = [featureWithTool(one), unit(one.unit)].filter(Boolean).join(', ');
+    return [name, `${name}: ${t.saveTable.low}`, `${name}: ${t.saveTable.high}`];
+  })],
+  ...progress.sessions.map(step => [step.number, step.recorded_at.slice(0, 10),
+    words.setAside[step.set_aside ?? ''] ?? (step.trial ? t.report.trials[step.trial] : t.status[step.status]),
+    ...progress.features.flatMap(one => {
+      const point = one.points.find(of => of.session === step.number);
+      return [point?.value, point?.low, point?.high];
+    })]),
+];
 
 /** Identifies a series in the address. */
 const seriesKey = one => [one.feature, one.tool ?? '', one.space].join('|');

@@ -239,6 +239,7 @@ export default {
     where: stretch => `Zeigen, wo: ${stretch}`,
     noStandard: 'Diese Aufgabe hat noch keinen Standard. Die Sitzung ist daher weder bestanden noch verfehlt.',
   },
+  saveTable: { save: 'Als Tabelle speichern (CSV)', print: 'Drucken', low: 'unteres Ende', high: 'oberes Ende', number: 'Nummer' },
   kinds: { track: 'Aufnahme auswerten', import: 'Importierte Bahn auswerten', rescore: 'Sitzung neu auswerten', calibrate: 'Kamera kalibrieren', palette: 'Farben der Instrumente lernen', advise: 'Bänder für die Box vergleichen', self_test: 'Box prüfen' },
   jobStates: { queued: 'Wartet', running: 'Läuft', done: 'Fertig', failed: 'Fehlgeschlagen', quarantined: 'Zurückgestellt' },
 
@@ -266,6 +267,7 @@ export default {
   },
 
   target: {
+    notSetUp: name => `${name} (noch nicht eingerichtet)`,
     trainee: 'Lernende/r',
     task: 'Aufgabe',
     box: 'Box',
@@ -444,6 +446,7 @@ export default {
     },
   },
   upload: {
+    unready: 'Aufnahmen werden aufbewahrt und warten, bis die Box eingerichtet ist. Eine importierte Tabelle braucht keine Einrichtung.',
     title: 'Aufnahmen hochladen',
     lead: 'Bricht die Verbindung ab oder laden Sie die Seite neu, geht nichts verloren, was schon gesendet wurde.',
     when: 'Aufgenommen am',
@@ -646,7 +649,6 @@ export default {
       why: 'Warum?',
       whyHint: 'Für alle, die es später lesen: „Kim war noch angemeldet, als Lee übte.“',
       list: n => `Diese Sitzung wurde ${n === 1 ? 'einmal' : `${n}-mal`} verschoben`,
-      says: (part, from, to) => `${part}: ${from} → ${to}`,
       unnamed: 'nicht sichtbar',
     },
     boxQuestion: {
@@ -2187,6 +2189,7 @@ export default {
     back: 'Zurück zur Person',
   },
   attention: {
+    others: n => plural(n, 'weitere Sitzung', 'weitere Sitzungen'),
     title: 'Braucht Aufmerksamkeit',
     own: 'Was auf Sie wartet',
     noneOwn: 'Gerade ist nichts zu tun',

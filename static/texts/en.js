@@ -137,6 +137,7 @@ export default {
     where: stretch => `Show where: ${stretch}`,
     noStandard: 'This task has no standard yet, so the session is neither passed nor missed.',
   },
+  saveTable: { save: 'Save as table (CSV)', print: 'Print', low: 'lower end', high: 'upper end', number: 'Number' },
   kinds: { track: 'Scoring a recording', import: 'Scoring an imported path', rescore: 'Scoring a session again', calibrate: 'Calibrating a camera', palette: 'Learning tool colours', advise: 'Ranking tapes for a box', self_test: 'Testing a box' },
   jobStates: { queued: 'Queued', running: 'Running', done: 'Done', failed: 'Failed', quarantined: 'On hold' },
 
@@ -164,6 +165,7 @@ export default {
   },
 
   target: {
+    notSetUp: name => `${name} (not set up yet)`,
     trainee: 'Trainee',
     task: 'Task',
     box: 'Box',
@@ -342,6 +344,7 @@ export default {
     },
   },
   upload: {
+    unready: 'Recordings are kept and wait until the box is set up. An imported table needs no set-up.',
     title: 'Upload recordings',
     lead: 'If the connection breaks or you reload the page, what was already sent is not lost.',
     when: 'Recorded at',
@@ -544,7 +547,6 @@ export default {
       why: 'Why?',
       whyHint: 'For later readers: “Kim was still signed in when Lee trained.”',
       list: n => `This session was moved ${n === 1 ? 'once' : `${n} times`}`,
-      says: (part, from, to) => `${part}: ${from} → ${to}`,
       unnamed: 'not shown',
     },
     boxQuestion: {
@@ -2081,6 +2083,7 @@ export default {
     back: 'Back to the trainee',
   },
   attention: {
+    others: n => plural(n, 'more session', 'more sessions'),
     title: 'Needs attention',
     own: 'Waiting for you',
     noneOwn: 'Nothing to do at the moment',

@@ -4,6 +4,7 @@
 //
 // Environment: as person.mjs.
 import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 
 import { violationsOf } from './accessibility.mjs';
@@ -142,6 +143,13 @@ test('the group follows the plan from a chosen day, and its table shows each tra
   await cell(ADA, made.pegs.name, 'In progress 2 of 10 sessions').waitFor();
   await cell(BEN, made.wire.name, 'Not begun Overdue').waitFor();
   await page.locator('tr', { hasText: ADA }).first().getByText('1 of 3').waitFor();
+  const card = page.locator('.card.course');
+  const [file] = await Promise.all([page.waitForEvent('download'), card.getByRole('button', { name: 'Save as table (CSV)' }).click()]);
+  const saved = readFileSync(await file.path(), 'utf8');
+  assert.ok(saved.startsWith('\uFEFF') && file.suggestedFilename().endsWith('.csv'));
+  const line = saved.split('\r\n').find(row => row.startsWith(ADA));
+  assert.match(line, new RegExp(`^${ADA},1 of 3,`));
+  assert.ok(line.includes('In progress, Overdue, 1 of 2 sessions'), saved);
   await teacher.takePictures('02-table');
   await cell(ADA, made.wire.name, 'In progress').click();
   await heading(ADA).waitFor();

@@ -20,6 +20,10 @@ function detailOf({ sessions: required }, { state, sessions, missing, passed, ru
   return missing === null ? words.sessionsOf(sessions) : words.passesMissing(missing);
 }
 
+/** The same as {@link StepState}, as text. */
+export const stepText = (step, progress) =>
+  [words.state[progress.state], progress.overdue && words.overdue, detailOf(step, progress)].filter(Boolean).join(', ');
+
 /** The spaces between the parts are for screen readers. */
 export const StepState = ({ step, progress }) => html`
   <span class="step-state">

@@ -2,7 +2,8 @@
 import { html } from '../../preact.js';
 import { href } from '../../router.js';
 import { t } from '../../texts.js';
-import { dueText, requirementText, StepState } from './course_state.js';
+import { SaveTable } from '../page/save_table.js';
+import { dueText, requirementText, StepState, stepText } from './course_state.js';
 
 const words = t.courses;
 
@@ -14,8 +15,18 @@ export const CourseTable = ({ course: { steps, trainees, rows } }) => html`
         <small>${requirementText(step)}</small><small>${dueText(step)}</small></th>`)}
     </tr></thead>
     <tbody>${rows.map(row => html`<${Row} key=${row.trainee} row=${row} steps=${steps}
-      name=${trainees.find(one => one.id === row.trainee).name} />`)}</tbody>
-  </table></div>`;
+      name=${nameIn(trainees, row)} />`)}</tbody>
+  </table></div>
+  <${SaveTable} name=${t.courses.ofGroup} rows=${() => tableRows(steps, trainees, rows)} />`;
+
+const nameIn = (trainees, row) => trainees.find(one => one.id === row.trainee).name;
+
+/** The table for a spreadsheet. */
+const tableRows = (steps, trainees, rows) => [
+  [t.groups.name, words.done, ...steps.map((step, at) => `${at + 1}. ${step.task.name}`)],
+  ...rows.map(row => [nameIn(trainees, row), words.doneOf(row.steps.filter(one => one.state === 'passed').length, steps.length),
+    ...row.steps.map((progress, at) => stepText(steps[at], progress))]),
+];
 
 const Row = ({ row, steps, name }) => html`
   <tr>

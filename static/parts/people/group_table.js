@@ -6,6 +6,7 @@ import { href } from '../../router.js';
 import { language, t } from '../../texts.js';
 import { featureWithTool } from '../../translate.js';
 import { Sparkline } from '../charts/sparkline.js';
+import { SaveTable } from '../page/save_table.js';
 import { limitText } from '../tasks/standard.js';
 import { pointText } from '../../with_error.js';
 
@@ -41,8 +42,22 @@ export function GroupTable({ progress }) {
         ${head('sessions', words.sessions, 'number')}${head('last', words.last, 'third')}
       </tr></thead>
       <tbody>${rows.map(row => html`<${Row} key=${row.trainee} row=${row} progress=${progress} />`)}</tbody>
-    </table></div>`;
+    </table></div>
+    <${SaveTable} name=${`${progress.group.name} ${progress.task.name}`} rows=${() => tableRows(rows, progress)} />`;
 }
+
+/** The table for a spreadsheet. */
+const tableRows = (rows, { unit: of }) => [
+  [words.name, ...[words.newest, t.saveTable.low, t.saveTable.high].map(name => (unit(of) ? `${name}, ${unit(of)}` : name)),
+    words.target, words.state, words.sessions, words.last],
+  ...rows.map(row => {
+    const point = newest(row);
+    return [row.person.name, point?.value, point?.low, point?.high, point?.judgement ? judgementWords(point.judgement) : null,
+      stateOf(row)?.words ?? words.noStandard, row.sessions, row.last_at?.slice(0, 10)];
+  }),
+];
+
+const judgementWords = judgement => words.judgements[judgement] ?? t.trainee.judgements[judgement];
 
 function sorted(rows, { key, falling }) {
   const sortKeyOf = KEYS[key];
