@@ -2,13 +2,14 @@
 // continue after this page is left.
 import { html, useEffect, useRef, useState } from '../preact.js';
 import { may } from '../roles.js';
+import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Field } from '../parts/forms/form.js';
 import { icons } from '../parts/page/icons.js';
 import { ImportTable } from '../parts/recording/import_table.js';
 import { Empty, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { UploadList } from '../parts/recording/upload_list.js';
-import { maySendRecordings, RecordingTargetFields, TargetNeeded, useRecordingTarget } from '../parts/recording/recording_target.js';
+import { isBoxReady, maySendRecordings, RecordingTargetFields, TargetNeeded, useRecordingTarget } from '../parts/recording/recording_target.js';
 import { addFiles, onUploads, setUploader, uploads } from '../parts/recording/uploads.js';
 
 const words = t.upload;
@@ -59,6 +60,8 @@ function Target({ target, mayRetime }) {
           <${RecordingTargetFields} target=${target} />
           <${Field} type="datetime-local" label=${words.when} hint=${words.whenHint} inputRef=${when} />
         </div>
+        ${target.chosen.box && !isBoxReady(target.chosen.box) && html`<${Notice} tone="warn" title=${t.record.unready}>${
+          words.unready}${' '}<a href=${href(['boxes', target.chosen.box.id])}>${t.record.toBox}</a><//>`}
         ${mayRetime && html`<details class="small">
           <summary>${words.time}</summary>
           <p class="muted">${words.timeHint}</p>

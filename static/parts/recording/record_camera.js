@@ -7,6 +7,7 @@ import { uncontrolledModes } from '../../record/camera.js';
 import { Field } from '../forms/form.js';
 import { icons } from '../page/icons.js';
 import { Notice } from '../page/notice.js';
+import { isBoxReady } from './recording_target.js';
 
 const words = t.record;
 const SIZES = ['1920x1080', '1280x720', '640x480'];
@@ -43,10 +44,9 @@ export function CameraNotices({ camera: { stream }, calibrated, box, person }) {
   const { width, height } = track?.getSettings() ?? {};
   const differs = calibrated && track && (width !== calibrated.width || height !== calibrated.height);
   const uncontrolled = track ? uncontrolledModes(track) : [];
-  const boxIsNotReady = box && !(box.calibration && box.palette);
   const link = box && may(person, 'see_boxes') && html` <a href=${href(['boxes', box.id])}>${words.toBox}</a>`;
   return html`
-    ${boxIsNotReady && html`<${Notice} tone="warn" title=${words.unready}>${words.unreadyBody}${link}<//>`}
+    ${box && !isBoxReady(box) && html`<${Notice} tone="warn" title=${words.unready}>${words.unreadyBody}${link}<//>`}
     ${differs && html`<${Notice} tone="warn"
       title=${words.otherSize(sizeText(`${width}x${height}`), sizeText(`${calibrated.width}x${calibrated.height}`))}>
       ${words.otherSizeBody}${link}<//>`}

@@ -30,8 +30,8 @@ export function useRecordingTarget({ person, route }) {
           () => [{ id: own, name: person.trainee?.name ?? person.name }],
         )
       : api.trainees.all();
-    const [trainee, task, box] = await Promise.all([trainees, api.tasks.all(), api.boxes.all()]);
-    return { trainee, task, box };
+    const [trainee, task, boxes] = await Promise.all([trainees, api.tasks.all(), api.boxes.all()]);
+    return { trainee, task, box: offeredBoxes(boxes, own !== null) };
   }, []);
   const chosen = Object.fromEntries(KINDS.map(kind => [kind, findItem(lists?.[kind], route.query.get(kind))]));
   const ofEach = what => Object.fromEntries(KINDS.map(kind => [kind, chosen[kind]?.[what]]));
@@ -45,6 +45,12 @@ export function useRecordingTarget({ person, route }) {
   return { lists, problem, reload, chosen, set, ids, names: ids && namesOf(ids), namesOf };
 }
 
+/** Whether a recording in this box is measured at once: its camera is calibrated, and its tools are marked. */
+export const isBoxReady = box => Boolean(box.calibration && box.palette);
+
+/** The boxes that are set up; then, for staff, the others: an imported table needs no camera. */
+const offeredBoxes = (boxes, isTrainee) => [...boxes.filter(isBoxReady), ...(isTrainee ? [] : boxes.filter(box => !isBoxReady(box)))];
+
 /** By id or code; a single item is chosen already. */
 const findItem = (list = [], key) =>
   list.find(item => item.id === key || item.code === key) ?? (list.length === 1 ? list[0] : null);
@@ -55,7 +61,9 @@ export const RecordingTargetFields = ({ target: { lists, chosen, set } }) => htm
     <div key=${kind} class="wide"><${Notice} tone="warn" title=${words.missing[kind]}>
       <a href=${href([PAGES[kind]])}>${words.make}</a><//></div>`)}
   ${KINDS.map(kind => html`<${Field} key=${kind} type="select" label=${words[kind]} value=${chosen[kind]?.id}
-    options=${[['', words.choose], ...lists[kind].map(item => [item.id, item.name])]} onInput=${set(kind)} />`)}`;
+    options=${[['', words.choose], ...lists[kind].map(item => [item.id, optionName(kind, item)])]} onInput=${set(kind)} />`)}`;
+
+const optionName = (kind, item) => (kind === 'box' && !isBoxReady(item) ? words.notSetUp(item.name) : item.name);
 
 /** Shown when a person continues without having chosen. */
 export const TargetNeeded = () => html`
