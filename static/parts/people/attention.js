@@ -23,7 +23,8 @@ export function Attention({ own, onLoaded }) {
   useEffect(() => void (isLoaded && onLoaded()), [isLoaded]);
   useLive('session', event => event.status === 'done' && reloadSoon());
   useLive('resync', reloadSoon);
-  const items = data ? [...data.box_asked.map(sessionItem('box_asked')), ...data.alarms.map(alarmItem), ...data.refused.map(sessionItem('refused')), ...data.unrated.map(sessionItem('unrated'))] : [];
+  const items = data ? [...sessionItems('box_asked', data.box_asked), ...data.alarms.map(alarmItem), ...sessionItems('refused', data.refused),
+    ...sessionItems('unrated', data.unrated)] : [];
   return html`
     <section class="card wide">
       <header><h2>${own ? words.own : words.title}</h2></header>
@@ -41,13 +42,29 @@ const alarmItem = ({ kind, trainee, trainee_name, task, task_name, session, sinc
   to: href(['trainees', trainee], { task }), when: words.since(date(since)),
 });
 
-const sessionItem = kind => ({ session, trainee, task, recorded_at }) => ({
-  key: `${kind} ${session}`, kind, name: `${trainee.name} · ${task.name}`, to: href(['sessions', session]), when: dateTime(recorded_at),
-});
+/**
+ * One item for all the sessions of a trainee at a task, in the order of the first.
+ *
+ * @param {string} kind
+ * @param {Schemas['SessionToReview'][]} sessions
+ */
+function sessionItems(kind, sessions) {
+  const groups = new Map();
+  for (const one of sessions) {
+    const key = `${kind} ${one.trainee.id} ${one.task.id}`;
+    groups.set(key, [...(groups.get(key) ?? []), one]);
+  }
+  return [...groups].map(([key, [first, ...others]]) => ({
+    key, kind, name: `${first.trainee.name} · ${first.task.name}`, to: href(['sessions', first.session]), when: dateTime(first.recorded_at), others,
+  }));
+}
 
 const Item = ({ item }) => html`
   <li>
     <div><a href=${item.to}>${item.name}</a><span class="small muted">${item.when}</span>
-      ${item.session && html`<a class="small" href=${href(['sessions', item.session])}>${words.session}</a>`}</div>
+      ${item.session && html`<a class="small" href=${href(['sessions', item.session])}>${words.session}</a>`}
+      ${item.others?.length > 0 && html`<details class="small"><summary>${words.others(item.others.length)}</summary>
+        <ul>${item.others.map(one => html`<li key=${one.session}><a href=${href(['sessions', one.session])}>${dateTime(one.recorded_at)}</a></li>`)}</ul>
+      </details>`}</div>
     <span class=${`pill ${TONES[item.kind]}`}>${words[item.kind]}</span>
   </li>`;
