@@ -78,7 +78,7 @@ test('the page shows the same value and error of a feature as REST', async () =>
   await page.getByRole('button', { name: 'In space', exact: true }).click();
   const { features, tools } = await getJson(`sessions/${session}`);
   const first = features.find(feature => feature.space === '3d' && feature.tool === tools[0] && feature.value !== null);
-  const row = page.locator('tr', { has: page.locator('th', { hasText: first.title }) }).first();
+  const row = page.locator('.fourth tr', { has: page.locator('th', { hasText: first.title }) }).first();
   const [shown, off] = (await row.locator('td').first().innerText())
     .split('±')
     .map(text => Number(text.trim().replace('−', '-').replaceAll(',', '')));

@@ -168,6 +168,30 @@ function featureFigures(of, space, shown, places) {
   });
 }
 
+/** The card at the head of a session: its values with their errors, the limits, and the values of the session before. */
+async function outcomeFigures(data) {
+  const limited = data.features.filter(one => one.target);
+  if (!limited.length || data.quality.verdict === 'refused') return [];
+  const progress = await getJson(`trainees/${data.trainee.id}/progress?task=${data.task.id}`);
+  const number = progress.sessions.find(one => one.id === data.id).number;
+  const before = progress.sessions.findLast(one => one.number < number && one.set_aside === null)?.number;
+  const withoutUnit = text => text.replace(/ [^\d±]\S*$/, '');
+  const text = ({ value, low, high }) => (low === null ? threeDigits(value) : withError(value, { low, high }).join(' ± '));
+  const card = page.locator('.outcome-card');
+  if (before) await card.getByText('Last time: ').waitFor();
+  const rows = await cells(card.locator('table'));
+  return limited.flatMap((one, at) => {
+    const series = progress.features.find(of => of.feature === one.name && (of.tool ?? null) === (one.tool ?? null) && of.space === one.space);
+    const last = series?.points.find(point => point.session === before);
+    const isPlain = one.value !== null && one.error && !one.is_lower_bound;
+    return [
+      ...(isPlain ? [[`outcome ${one.title}`, withoutUnit(rows[at][1]), text({ value: one.value, ...one.error })]] : []),
+      [`outcome limit ${one.title}`, figuresIn(rows[at][2])[0], threeDigits(one.target.limit)],
+      ...(last && last.value !== null && !last.is_lower_bound ? [[`last ${one.title}`, withoutUnit(rows[at][3]), text(last)]] : []),
+    ];
+  });
+}
+
 async function figuresOfSession() {
   const data = await getJson(`sessions/${session.id}`);
   await page.locator('.plots canvas').nth(3).waitFor();
@@ -182,7 +206,7 @@ async function figuresOfSession() {
     await placesLoaded();
   }
   const [first, second] = data.compare_in?.space === 'image' ? ['image', '3d'] : ['3d', 'image'];
-  const figures = featureFigures(data, first, await featureCells(), places);
+  const figures = [...(await outcomeFigures(data)), ...featureFigures(data, first, await featureCells(), places)];
   if (data.features.some(one => one.space === 'image')) {
     const press = space => page.getByRole('button', { name: { '3d': 'In space', image: 'In the image' }[space], exact: true }).click();
     await press(second);

@@ -48,6 +48,9 @@ function MoveDialog({ session, onDone, onClose }) {
     <//>`;
 }
 
+/** What a move changed. @param {Schemas['MoveChange']} change */
+const changeText = ({ part, from, to }) => `${t.target[part]}: ${from?.name ?? words.unnamed} → ${to?.name ?? words.unnamed}`;
+
 /** The list, with what the session is filed under even if the list lacks it. */
 const withCurrent = (list, current) => (list.some(one => one.id === current.id) ? list : [current, ...list]);
 
@@ -61,8 +64,7 @@ export function Moves({ session }) {
       <summary>${words.list(data.items.length)}</summary>
       <ul class="edit-list">${data.items.map(made => html`
         <li key=${made.id}><div>
-          ${made.changes.map(change => html`<strong key=${change.part}>${
-            words.says(t.target[change.part], change.from?.name ?? words.unnamed, change.to?.name ?? words.unnamed)}</strong>`)}
+          ${made.changes.map(change => html`<strong key=${change.part}>${changeText(change)}</strong>`)}
           <p class="said">${made.why}</p>
           <p class="small muted">${made.who ?? t.session.edits.gone}, ${dateTime(made.created_at)}</p>
         </div></li>`)}</ul>
