@@ -85,6 +85,34 @@ async fn step(centre: &Centre, session: &Value) -> Value {
     progress["sessions"].as_array().unwrap().iter().find(|step| step["id"] == session["id"]).unwrap().clone()
 }
 
+async fn move_to(centre: &Centre, at: &str, of_box: &str) -> Value {
+    centre.instructor.make(&format!("{at}/moves"), json!({"box": of_box, "why": "The wrong box was chosen."})).await;
+    centre.instructor.read(at).await
+}
+
+/// The session waits for its box without the numbers of the other one, is measured there, and both results stay.
+async fn move_to_its_box_and_back(centre: &Centre, at: &str, withheld: &Value) {
+    centre.administrator.make("/api/v1/boxes", json!({"name": "Box 2", "code": "box-2"})).await;
+    let waits = move_to(centre, at, "box-2").await;
+    assert_eq!((&waits["status"], &waits["box_question"]), (&json!("queued"), &Value::Null), "{waits}");
+    assert_eq!((&waits["features"], &waits["result"]), (&json!([]), &Value::Null));
+    assert!(waits["error"]["type"].as_str().unwrap().ends_with("box-not-ready"), "{waits}");
+    set_up_box(&centre.administrator, "box-2", &scene("--seed 5 --box 2")).await;
+    let right = centre.instructor.read_until(at, |session| session["status"] == "done").await;
+    assert_eq!((finding(&right), &right["box_question"]), ("same", &Value::Null), "{}", right["quality"]);
+    let edits = centre.instructor.read(&format!("{at}/edits")).await;
+    assert_eq!((&edits["items"][0]["for_other_box"], &edits["score"]), (&json!(true), &json!("current")));
+    let results = centre.instructor.read(&format!("{at}/results")).await;
+    assert_eq!(results["items"].as_array().unwrap().len(), 3, "{results}");
+    assert_eq!(results["items"][0]["id"], right["result"], "the current one first");
+
+    let back = move_to(centre, at, "box-1").await;
+    assert_eq!((&back["status"], &back["box_question"]), (&json!("done"), &json!("other_box")));
+    assert_eq!((&back["features"], &back["quality"]), (&withheld["features"], &withheld["quality"]));
+    assert_eq!(move_to(centre, at, "box-2").await["features"], right["features"], "without tracking it again");
+    move_to(centre, at, "box-1").await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_recording_of_another_box_counts_nowhere_until_it_is_answered() {
     let centre = centre().await;
@@ -118,6 +146,7 @@ async fn a_recording_of_another_box_counts_nowhere_until_it_is_answered() {
     let second = json!({"kind": "this_box", "why": "No, it is."});
     problem(centre.instructor.post(&format!("{at}/edits"), second).await, 409, "conflict").await;
 
+    move_to_its_box_and_back(&centre, &at, &withheld).await;
     let asked_again = undo(&centre.instructor, &at, &edit).await;
     assert_eq!((&asked_again["box_question"], values(&asked_again)), (&json!("asked"), values(&other)));
     let (_, counted) = answer(&centre.instructor, &at, "this_box").await;

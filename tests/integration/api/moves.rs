@@ -1,10 +1,10 @@
-//! Moves of sessions to the right trainee, task or box: what follows, who may do it, and the way back.
+//! Moves of sessions to the right trainee, task or box: what follows, who may do it, and the way back. A recording that is
+//! moved to its box is in `box_question.rs`.
 
 use reqwest::{Method, StatusCode, header};
 use serde_json::{Value, json};
 
 use super::centre::{Centre, recording, session};
-use crate::feed::scene::{Folder, set_up_box};
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
 use crate::process::program;
 use crate::support::{Client, Service, problem, read};
@@ -139,65 +139,6 @@ async fn the_same_table_is_moved_to_another_box_and_not_twice_to_one_trainee() {
     let moved = centre.administrator.read(&at).await;
     assert_eq!((&moved["box"]["code"], &moved["status"]), (&json!("box-2"), &json!("done")));
     assert_eq!(moved["features"], of_ada["features"], "another program measured it: the box changes nothing");
-}
-
-/// A recording of six seconds of a simulated box.
-fn scene(options: &str) -> Folder {
-    Folder::of(&format!("--size 960x540 --seconds 6 {options}"))
-}
-
-async fn done(centre: &Centre, at: &str) -> Value {
-    let is_done = |session: &Value| {
-        assert_ne!(session["status"], "failed", "{session}");
-        session["status"] == "done"
-    };
-    centre.administrator.read_until(at, is_done).await
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_session_that_is_moved_to_its_box_is_measured_there_and_keeps_both_results() {
-    let centre = Centre::open_in(
-        Service::start_with(|settings| {
-            settings.workers = 1;
-            settings.rescoring.look_ms = 10;
-        })
-        .await,
-    )
-    .await;
-    centre.administrator.make("/api/v1/boxes", json!({"name": "Box 2", "code": "box-2"})).await;
-    set_up_box(&centre.administrator, "box-1", &scene("--seed 3")).await;
-    let clip = std::fs::read(scene("--seed 4 --box 2").file("clip.mp4")).unwrap();
-    let made = session(&centre.trainee, "ada", clip).await;
-    let at = address(&made);
-    let doubted = done(&centre, &at).await;
-    assert_eq!(doubted["box_question"], "asked", "{}", doubted["quality"]);
-    let wrong = json!({"kind": "other_box", "why": "It was box 2."});
-    centre.instructor.make(&format!("{at}/edits"), wrong).await;
-    centre.instructor.read_until(&format!("{at}/edits"), |edits| edits["score"] == "current").await;
-    let withheld = centre.instructor.read(&at).await;
-
-    // A box that is not set up: the session waits for it, without the numbers of the other box.
-    move_to(&centre.instructor, &at, json!({"box": "box-2"})).await;
-    let waits = centre.instructor.read(&at).await;
-    assert_eq!((&waits["status"], &waits["box_question"]), (&json!("queued"), &Value::Null), "{waits}");
-    assert_eq!((&waits["features"], &waits["result"]), (&json!([]), &Value::Null));
-    assert!(waits["error"]["type"].as_str().unwrap().ends_with("box-not-ready"), "{waits}");
-    set_up_box(&centre.administrator, "box-2", &scene("--seed 5 --box 2")).await;
-    let right = done(&centre, &at).await;
-    assert_eq!((&right["box_question"], &right["box"]["code"]), (&Value::Null, &json!("box-2")));
-    assert_eq!(right["quality"]["recording"]["box"]["finding"], "same", "{}", right["quality"]);
-    let edits = centre.instructor.read(&format!("{at}/edits")).await;
-    assert_eq!((&edits["items"][0]["for_other_box"], &edits["score"]), (&json!(true), &json!("current")));
-    let results = centre.instructor.read(&format!("{at}/results")).await;
-    assert_eq!(results["items"].as_array().unwrap().len(), 3, "{results}");
-    assert_eq!(results["items"][0]["id"], right["result"], "the current one first");
-
-    move_to(&centre.instructor, &at, json!({"box": "box-1"})).await;
-    let back = centre.instructor.read(&at).await;
-    assert_eq!((&back["status"], &back["box_question"]), (&json!("done"), &json!("other_box")));
-    assert_eq!((&back["features"], &back["quality"]), (&withheld["features"], &withheld["quality"]));
-    move_to(&centre.instructor, &at, json!({"box": "box-2"})).await;
-    assert_eq!(centre.instructor.read(&at).await["features"], right["features"], "without tracking it again");
 }
 
 /// Progress that is read after a thousand random moves equals what a table of the moves says, and after their reversal
