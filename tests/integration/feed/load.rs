@@ -44,6 +44,8 @@ const SHARE: f64 = 0.8;
 struct Load {
     host: String,
     client: Client,
+    /// The agent of each box.
+    agents: Vec<Client>,
     clip: Arc<Clip>,
     /// The start of the present pause, if there is one, and the total of earlier pauses.
     pauses: Mutex<(Option<Instant>, Duration)>,
@@ -194,18 +196,23 @@ impl Running {
         let data = TempDir::new().unwrap();
         let process = Process::start(&data.path().join("data"));
         let base = format!("http://{}", process.address);
-        let client = Client::of(base).signed_in(ADMINISTRATOR.0, process.password.as_deref().unwrap()).await;
+        let client = Client::of(base.clone()).signed_in(ADMINISTRATOR.0, process.password.as_deref().unwrap()).await;
         client.make("/api/v1/tasks", json!({"name": "Peg transfer", "code": "peg"})).await;
         client.make("/api/v1/trainees", json!({"name": "Ada", "code": "ada"})).await;
+        let mut agents = Vec::with_capacity(boxes); // a person may only send four recordings at a time
         for number in 0..boxes {
             client
                 .make("/api/v1/boxes", json!({"name": format!("Box {number}"), "code": format!("box-{number}")}))
                 .await;
             set_up_box(&client, &format!("box-{number}"), &clip.scene).await;
+            let token = json!({"name": "beside the box", "role": "agent", "box": format!("box-{number}")});
+            let token = client.make("/api/v1/tokens", token).await;
+            agents.push(Client::of(base.clone()).with_token(token["token"].as_str().unwrap()));
         }
         let load = Arc::new(Load {
             host: process.address.clone(),
             client,
+            agents,
             clip: clip.clone(),
             pauses: Mutex::default(),
             is_measuring: AtomicBool::new(false),
@@ -270,7 +277,7 @@ impl Running {
 }
 
 async fn send(load: Arc<Load>, number: usize) {
-    let mut sender = open_at(&load.host, load.client.headers(), &format!("box-{number}")).await.unwrap();
+    let mut sender = open_at(&load.host, load.agents[number].headers(), &format!("box-{number}")).await.unwrap();
     let mut message = hello(&format!("0198c1f2-6a10-7d3e-9f00-{number:012x}"));
     let codec = if load.clip.is_jpeg { "jpeg" } else { "h264" };
     (message["codec"], message["width"], message["height"]) = (json!(codec), json!(1920), json!(1080));
