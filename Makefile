@@ -125,8 +125,8 @@ long-absence: test-packages ## stop the service for ten minutes while an agent r
 	cargo test --locked --test integration away_for_long -- --ignored --nocapture
 
 .PHONY: live-load
-live-load: release test-packages ## measure how many boxes this machine sustains, compared with bare decoding, and the latency of positions
-	TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration this_machine_sustains -- --ignored --nocapture
+live-load: release test-packages ## measure how many boxes this machine sustains, and the latency of positions; LOAD=tape or LOAD=bare for one kind
+	$(if $(LOAD),TROCAR_LOAD=$(LOAD)) TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration this_machine_sustains -- --ignored --nocapture
 
 .PHONY: progress-load
 progress-load: release test-packages ## measure the progress of a trainee with 500 sessions among 10,000, beside /healthz; check its queries
