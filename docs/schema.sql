@@ -660,6 +660,11 @@ CREATE TRIGGER trainee_erased AFTER DELETE ON trainee BEGIN
     INSERT INTO erasure (kind, id, at_ms) VALUES ('trainee', OLD.id, CAST(unixepoch('subsec') * 1000 AS INTEGER));
 END;
 
+CREATE TRIGGER trainee_leaves_no_words BEFORE DELETE ON trainee BEGIN
+    UPDATE session_move SET why = '–' WHERE OLD.id IN (from_trainee_id, to_trainee_id);
+    DELETE FROM comment WHERE person_id IN (SELECT person.id FROM person WHERE person.trainee_id = OLD.id);
+END;
+
 CREATE VIEW assessed_session AS
     SELECT session.id, session.trainee_id, session.task_id, session.tracker, session.recorded_at_ms, session.created_at_ms,
            result.id AS result_id, result.pipeline, result.calibration_id, result.tools, result.verdict

@@ -25,6 +25,12 @@ CREATE INDEX session_move_to_task ON session_move (to_task_id);
 CREATE INDEX session_move_from_box ON session_move (from_box_id);
 CREATE INDEX session_move_to_box ON session_move (to_box_id);
 
+-- The reason of a move may contain names, and a session that was moved keeps the comments of the trainee before.
+CREATE TRIGGER trainee_leaves_no_words BEFORE DELETE ON trainee BEGIN
+    UPDATE session_move SET why = '–' WHERE OLD.id IN (from_trainee_id, to_trainee_id);
+    DELETE FROM comment WHERE person_id IN (SELECT person.id FROM person WHERE person.trainee_id = OLD.id);
+END;
+
 -- The question for the box has one answer at a time for each box.
 ALTER TABLE session_edit ADD COLUMN box_id TEXT REFERENCES training_box (id) ON DELETE SET NULL; -- of `this_box` and `other_box`: for which box; NULL: of another kind, or the box was deleted
 UPDATE session_edit SET box_id = (SELECT box_id FROM session WHERE session.id = session_edit.session_id)

@@ -72,3 +72,11 @@ export function csvText(rows) {
   };
   return `\uFEFF${rows.map(row => row.map(cell).join(separator)).join('\r\n')}\r\n`;
 }
+
+/** Date and time in the reader's time zone, as every spreadsheet reads it: 2026-01-05 17:04. */
+export function csvTime(iso) {
+  if (!iso) return null;
+  const at = new Date(iso);
+  const [month, day, hour, minute] = [at.getMonth() + 1, at.getDate(), at.getHours(), at.getMinutes()].map(part => String(part).padStart(2, '0'));
+  return `${at.getFullYear()}-${month}-${day} ${hour}:${minute}`;
+}

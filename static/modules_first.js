@@ -12,15 +12,15 @@
       parts/live/placement.js parts/page/recorded_at.js parts/page/status.js parts/playback/chunk_loader.js parts/playback/curves.js
       parts/playback/orbit.js parts/playback/overlay.js parts/playback/path3d.js parts/playback/playback.js
       parts/playback/player.js parts/playback/plots.js parts/playback/readouts.js
-      parts/playback/space_painter.js parts/playback/track.js parts/session/advice.js
+      parts/playback/space_painter.js parts/playback/track.js parts/recording/recording_target.js parts/session/advice.js
       parts/session/box_question.js parts/session/cohort_places.js parts/session/comments.js
       parts/session/compared_space.js
       parts/session/edit_dialog.js parts/session/edits.js parts/session/evidence.js parts/session/features.js
       parts/session/ghost.js parts/session/moves.js parts/session/outcome_card.js parts/session/quality.js parts/session/ratings.js parts/session/review.js
       parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js watch.js with_error.js`,
     trainee: `
-      format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js parts/charts/progress_plot.js
-      parts/courses/course_state.js parts/courses/own_courses.js parts/page/recorded_at.js parts/page/status.js
+      csv.js format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js parts/charts/progress_plot.js
+      parts/courses/course_state.js parts/courses/own_courses.js parts/page/recorded_at.js parts/page/save_table.js parts/page/status.js
       parts/people/own_data.js parts/people/progress_summary.js parts/people/strengths.js
       parts/tasks/space_choice.js parts/tasks/standard.js with_error.js`,
     task: `

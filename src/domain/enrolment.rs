@@ -55,8 +55,8 @@ pub struct RowProblem {
     pub message: String,
 }
 
-/// A row as far as it can be read: its code and its group are looked up even if another field is wrong, so that all
-/// problems of a list are reported at once.
+/// What can be read of a row. Its code and its group are looked up even if another field is wrong: all problems of a list
+/// are reported at once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadRow {
     /// The code, if it is given and can be used.
@@ -168,7 +168,7 @@ mod tests {
         ];
         let problems = read(&rows).unwrap_err();
         let found: Vec<(usize, &str)> = problems.iter().map(|problem| (problem.row, problem.field)).collect();
-        assert_eq!(found, [(1, "name"), (1, "code"), (1, "level"), (3, "handedness")]);
+        assert_eq!(found, [(1, "name"), (1, "code"), (1, "level"), (3, "handedness"), (3, "code")]);
         let twice = read(&[row(["Ana", "ana", "", "", ""]), row(["Ann", "ana", "", "", ""])]).unwrap_err();
         assert_eq!((twice.len(), twice[0].row, twice[0].field), (1, 2, "code"));
         assert!(twice[0].message.contains("row 1"), "{twice:?}");

@@ -132,7 +132,10 @@ impl BoxStore<'_> {
         self.0
             .write_ending_sign_ins(async move |tx| {
                 let delete = sqlx::query(DELETE_BOX).bind(id);
-                delete.execute(&mut *tx).await.map_err(in_use("box", "sessions"))?;
+                delete
+                    .execute(&mut *tx)
+                    .await
+                    .map_err(in_use("box", "sessions, or results of sessions that were moved away"))?;
                 note(tx, &scope, now_ms, ("delete", "box"), id).await
             })
             .await

@@ -61,10 +61,13 @@ pub struct VisibleComments {
 }
 
 /// Selects at most `$6` comments on session `$3` that person `$4` may read: their own, the trainee's, and all if `$5`
-/// is true.
+/// is true. Those of a trainee whose session it was before it was moved are left out: they come back if it is moved back.
 const SELECT_READABLE: &str = "
     SELECT * FROM comment_record
     WHERE $1 <> 'agent' AND session_id = $3 AND ($5 OR is_by_trainee OR coalesce(person_id = $4, FALSE))
+      AND (NOT is_by_trainee
+           OR person_id IN (SELECT person.id FROM person JOIN session ON session.trainee_id = person.trainee_id
+                            WHERE session.id = $3))
     ORDER BY from_s, id LIMIT $6";
 
 /// Counts the other comments.

@@ -39,7 +39,7 @@ pub struct EditRecord {
     pub kind: EditKind,
     /// For an answer to the question for the box: true if the session was filed under another box then, so that the
     /// answer does not count now.
-    pub is_of_other_box: Option<bool>,
+    pub is_of_other_box: bool,
     /// Beginning, seconds of the recording.
     pub from_s: Option<f64>,
     /// End, seconds of the recording.
@@ -91,7 +91,7 @@ pub struct SessionEdits {
 impl EditRecord {
     /// Does it count now?
     pub fn is_in_force(&self) -> bool {
-        self.undone_at_ms.is_none() && self.is_of_other_box != Some(true)
+        self.undone_at_ms.is_none() && !self.is_of_other_box
     }
 
     /// The change that it makes.
@@ -111,7 +111,8 @@ impl EditRecord {
 
 /// Selects the [`EditRecord`]s of session `$1`, oldest first.
 const SELECT_EDITS: &str = "
-    SELECT edit.id, edit.kind, edit.box_id <> session.box_id AS is_of_other_box, edit.from_s, edit.to_s, edit.tools, edit.true_frame_rate_hz, edit.true_duration_s, edit.why,
+    SELECT edit.id, edit.kind, edit.kind IN ('this_box', 'other_box') AND edit.box_id IS NOT session.box_id AS is_of_other_box,
+           edit.from_s, edit.to_s, edit.tools, edit.true_frame_rate_hz, edit.true_duration_s, edit.why,
            maker.name AS who, edit.created_at_ms, undoer.name AS undone_by, edit.undone_at_ms
     FROM session_edit AS edit
     JOIN session ON session.id = edit.session_id

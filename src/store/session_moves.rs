@@ -123,6 +123,10 @@ const INSERT_MOVE: &str = "
     SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12
     WHERE (SELECT count(*) FROM session_move WHERE session_id = $2) < $13";
 
+/// A waiting rescoring would compare the result of another task or box.
+const CANCEL_RESCORING: &str =
+    "UPDATE rescoring_item SET state = 'cancelled' WHERE session_id = $1 AND state = 'waiting'";
+
 const SELECT_UNFINISHED_JOB: &str =
     "SELECT EXISTS (SELECT 1 FROM job WHERE session_id = $1 AND state IN ('queued', 'running'))";
 
@@ -160,8 +164,8 @@ impl SessionMoveStore<'_> {
         let id = MoveId::at(now_ms);
         self.0
             .write(async move |tx| {
-                let row: PlaceRow = sqlx::query_as(SELECT_PLACE).bind(session).fetch_one(&mut *tx).await?;
-                let (trainee, task, in_box, video, path, is_import) = row;
+                let row: Option<PlaceRow> = sqlx::query_as(SELECT_PLACE).bind(session).fetch_optional(&mut *tx).await?;
+                let (trainee, task, in_box, video, path, is_import) = row.ok_or(not_found("session"))?;
                 let from = SessionPlace { trainee, task, in_box };
                 let to = from.moved(to);
                 if from == to {
@@ -170,21 +174,26 @@ impl SessionMoveStore<'_> {
                 let video = video.ok_or_else(|| {
                     StoreError::refused("the recording is still arriving: wait until it is complete, then move it")
                 })?;
+                require_trainee(tx, &by, from.trainee).await?;
                 require_trainee(tx, &by, to.trainee).await?;
-                refuse_duplicate(tx, session, to, (video, path)).await?;
                 let is_other_box = from.in_box != to.in_box;
+                let is_other_work = (from.trainee, from.task) != (to.trainee, to.task);
+                refuse_duplicate(tx, to, (video, path.filter(|_| is_other_work))).await?;
                 if is_other_box && !is_import {
                     refuse_if_open(tx, session).await?;
                 }
-                if (from.trainee, from.task) != (to.trainee, to.task) {
+                if is_other_work {
                     skill_models::withdraw_of_session(tx, session, now_ms).await?;
+                }
+                if is_other_box || from.task != to.task {
+                    sqlx::query(CANCEL_RESCORING).bind(session).execute(&mut *tx).await?;
                 }
                 let moved = sqlx::query(MOVE_SESSION).bind(session).bind(to.trainee).bind(to.task).bind(to.in_box);
                 moved.execute(&mut *tx).await.map_err(missing("task or box"))?;
                 insert(tx, (id, session), &by, [from, to], why, now_ms).await?;
                 if is_other_box {
                     settle_box_question(tx, session).await?;
-                    enqueue_for_box(tx, session, now_ms, attempts).await?;
+                    enqueue_for_box(tx, session, is_import, now_ms, attempts).await?;
                 }
                 note(tx, &by, now_ms, ("move", "session"), session).await
             })
@@ -214,22 +223,28 @@ impl SessionPlace {
 async fn enqueue_for_box(
     tx: &mut SqliteConnection,
     session: SessionId,
+    is_import: bool,
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<()> {
     let tracked: Option<JobState> =
         sqlx::query_scalar(SELECT_TRACKING_STATE).bind(session).fetch_optional(&mut *tx).await?;
     match tracked {
+        None if !is_import && sqlx::query_scalar(SELECT_VIDEO_IS_DROPPED).bind(session).fetch_one(&mut *tx).await? => {
+            return Err(StoreError::refused(
+                "the session's video was deleted, so it cannot be tracked with the camera of another box",
+            ));
+        }
         None => enqueue_track(tx, session, now_ms, max_attempts).await?,
         Some(_) => enqueue_rescore_if_outdated(tx, session, now_ms, max_attempts).await?,
     };
     Ok(())
 }
 
-/// Refuses to move the session to a place that has the same recording.
+/// Refuses to move the session to a place that has the same recording. `path`: of an import that goes to another trainee
+/// or task.
 async fn refuse_duplicate(
     tx: &mut SqliteConnection,
-    session: SessionId,
     to: SessionPlace,
     (video, path): (BlobHash, Option<BlobHash>),
 ) -> StoreResult<()> {
@@ -238,21 +253,14 @@ async fn refuse_duplicate(
         None => sqlx::query_scalar(SELECT_SAME_SESSION).bind(to.trainee).bind(to.task),
     };
     let existing: Option<String> = found.bind(to.in_box).bind(video).fetch_optional(tx).await?;
-    let other = existing.filter(|id| *id != session.to_string());
-    other.map_or(Ok(()), |id| Err(StoreError::Taken { what: "recording", existing: Some(id) }))
+    existing.map_or(Ok(()), |id| Err(StoreError::Taken { what: "recording", existing: Some(id) }))
 }
 
-/// Refuses to move a session to another box while its result for this box is not there yet, or if it could not be tracked
-/// there.
+/// Refuses to move a session to another box while its result for this box is not there yet.
 async fn refuse_if_open(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<()> {
-    if sqlx::query_scalar(SELECT_UNFINISHED_JOB).bind(session).fetch_one(&mut *tx).await? {
+    if sqlx::query_scalar(SELECT_UNFINISHED_JOB).bind(session).fetch_one(tx).await? {
         return Err(StoreError::refused(
             "the session is being tracked or scored: wait until it is scored, then move it to another box",
-        ));
-    }
-    if sqlx::query_scalar(SELECT_VIDEO_IS_DROPPED).bind(session).fetch_one(tx).await? {
-        return Err(StoreError::refused(
-            "the session's video was deleted, so it cannot be tracked with the camera of another box",
         ));
     }
     Ok(())

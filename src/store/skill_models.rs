@@ -218,8 +218,8 @@ pub(super) async fn withdraw(tx: &mut SqliteConnection, trainee: TraineeId, now_
     Ok(())
 }
 
-/// Like [`withdraw`], before a session is erased, or moved to another trainee or task: for the models of its task that were trained on this trainee's
-/// sessions, since they may include this one.
+/// Like [`withdraw`], before a session is erased, or moved to another trainee or task: for the models of its task that were
+/// trained on this trainee's sessions, since they may include this one.
 pub(super) async fn withdraw_of_session(tx: &mut SqliteConnection, session: SessionId, now_ms: i64) -> StoreResult<()> {
     sqlx::query(WITHDRAW_MODELS_OF_SESSION).bind(session).bind(now_ms).execute(tx).await?;
     Ok(())

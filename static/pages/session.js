@@ -46,7 +46,7 @@ export default function Session({ person, route }) {
   return html`
     <${PageHead} title=${words.title(session.trainee?.name, session.task?.name)} lead=${html`<${Lead} session=${session}
       person=${person} />`}>
-      <${Actions} session=${session} person=${person} onChange=${reload} />
+      <${Actions} session=${session} person=${person} onChange=${() => (readEdits(), reload())} />
     <//>
     <div class="stack">
       <${Announce}>${t.status[stateOf(session)]}<//>
@@ -148,7 +148,7 @@ function ReviewLoader({ session, person, edits, start, onEdited }) {
   const done = session.status === 'done';
   const { data, problem, reload } = useData(
     signal => (done ? api.sessions.trajectory(session.id, { points: POINTS, trimmed: false }, signal) : null),
-    [session.id, done, useSwapCount(edits)],
+    [session.id, done, useSwapCount(edits), session.box.id],
   );
   if (!done && !session.video) return null;
   return html`

@@ -1,6 +1,7 @@
 // One trainee: a feature over the sessions of a task, its judgement by the task's standard, and the sessions.
 import { html } from '../preact.js';
 import { api } from '../api.js';
+import { csvTime } from '../csv.js';
 import { useData, useThrottled } from '../data.js';
 import { dateTime, unit } from '../format.js';
 import { useLive } from '../live.js';
@@ -121,7 +122,7 @@ const tableRows = progress => [
     const name = [featureWithTool(one), unit(one.unit)].filter(Boolean).join(', ');
     return [name, `${name}: ${t.saveTable.low}`, `${name}: ${t.saveTable.high}`];
   })],
-  ...progress.sessions.map(step => [step.number, step.recorded_at.slice(0, 10),
+  ...progress.sessions.map(step => [step.number, csvTime(step.recorded_at),
     words.setAside[step.set_aside ?? ''] ?? (step.trial ? t.report.trials[step.trial] : t.status[step.status]),
     ...progress.features.flatMap(one => {
       const point = one.points.find(of => of.session === step.number);

@@ -267,6 +267,7 @@ export default {
   },
 
   target: {
+    noneReady: 'Noch ist keine Box eingerichtet. Fragen Sie jemanden aus der Ausbildung.',
     notSetUp: name => `${name} (noch nicht eingerichtet)`,
     trainee: 'Lernende/r',
     task: 'Aufgabe',
@@ -647,8 +648,9 @@ export default {
       title: 'Diese Sitzung verschieben',
       does: 'Wählen Sie die richtige Person, Aufgabe und Box. Verlauf, Standards, Kurse und Exporte zeigen die Sitzung dann dort. Aufnahme, Bewertungen und Kommentare bleiben. In einer anderen Box wird sie mit deren Kamera neu ausgewertet. Um dies zurückzunehmen, verschieben Sie die Sitzung noch einmal.',
       why: 'Warum?',
-      whyHint: 'Für alle, die es später lesen: „Kim war noch angemeldet, als Lee übte.“',
+      whyHint: 'Für das Personal, das es später liest: „Jemand anderes war noch angemeldet.“ Nennen Sie hier keine Namen.',
       list: n => `Diese Sitzung wurde ${n === 1 ? 'einmal' : `${n}-mal`} verschoben`,
+      nothing: 'Wählen Sie zuerst eine andere Person, Aufgabe oder Box.',
       unnamed: 'nicht sichtbar',
     },
     boxQuestion: {

@@ -165,6 +165,7 @@ export default {
   },
 
   target: {
+    noneReady: 'No box is set up yet. Ask your instructor.',
     notSetUp: name => `${name} (not set up yet)`,
     trainee: 'Trainee',
     task: 'Task',
@@ -545,8 +546,9 @@ export default {
       title: 'Move this session',
       does: 'Choose the right trainee, task and box. Progress, standards, courses and exports then show the session there. Recording, ratings and comments stay. In another box, it is measured again with the camera of that box. To take this back, move the session again.',
       why: 'Why?',
-      whyHint: 'For later readers: “Kim was still signed in when Lee trained.”',
+      whyHint: 'For staff who read it later: “Another person was still signed in.” Give no names here.',
       list: n => `This session was moved ${n === 1 ? 'once' : `${n} times`}`,
+      nothing: 'Choose another trainee, task or box first.',
       unnamed: 'not shown',
     },
     boxQuestion: {

@@ -40,7 +40,7 @@ sessions/…/        one folder for each session:
   ratings.json     ratings on forms
   comments.json    comments
   edits.json       trims, corrections and answers of the staff, with reasons
-  moves.json       moves of the session to another trainee, task or box, with reasons
+  moves.json       moves of the session to another trainee, task or box
   path.csv         the path of the tools: millimetres and seconds
   ….error.txt      in place of a path, preview, table or video that could not be read
   preview.jpg      one frame
@@ -131,7 +131,8 @@ fn add_session(
     archive.add_json(&format!("{folder}ratings.json"), &ratings)?;
     archive.add_json(&format!("{folder}comments.json"), &comments)?;
     archive.add_json(&format!("{folder}edits.json"), &EditsResponse::from(edits))?;
-    let moves: Vec<MoveResponse> = moves.into_iter().map(MoveResponse::from).collect();
+    let moves: Vec<MoveResponse> =
+        moves.into_iter().map(|made| MoveResponse::for_trainee(made, session.trainee_id)).collect();
     archive.add_json(&format!("{folder}moves.json"), &moves)?;
     if let Some((result, in_force)) = scored {
         add_path(job, id, (result.trajectory, &in_force), folder, archive)?;

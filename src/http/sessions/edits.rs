@@ -92,7 +92,7 @@ impl From<store::EditRecord> for EditResponse {
             why: edit.why.into(),
             who: edit.who.map(String::from),
             created_at: Time(edit.created_at_ms),
-            for_other_box: edit.is_of_other_box == Some(true),
+            for_other_box: edit.is_of_other_box,
             undone: edit.undone_at_ms.map(|at| Undone { who: undone_by, at: Time(at) }),
         }
     }

@@ -11,7 +11,7 @@ use crate::http::error::HandlerResult;
 use crate::http::read::{Json, PathKey, reference_problem};
 use crate::http::show::{Created, NamedReference, PageResponse, Time};
 use crate::http::state::App;
-use crate::ids::{MoveId, SessionId};
+use crate::ids::{MoveId, SessionId, TraineeId};
 use crate::store::{FiledUnder, SessionDestination, SessionMoveRecord};
 
 /// A move of a session.
@@ -20,8 +20,8 @@ pub struct MoveResponse {
     id: MoveId,
     /// What the move changed.
     changes: Vec<MoveChange>,
-    /// The reason: plain text, never markup.
-    why: String,
+    /// The reason: plain text, never markup; `null` for trainees, because it may name other people.
+    why: Option<String>,
     /// Name of the person; `null` if the person was deleted, or if the service moved it.
     who: Option<String>,
     created_at: Time,
@@ -44,6 +44,16 @@ impl From<FiledUnder> for NamedReference {
     }
 }
 
+impl MoveResponse {
+    /// The move as this trainee may know it: without other trainees and without the reason, which may name them.
+    pub(in crate::http) fn for_trainee(made: SessionMoveRecord, trainee: TraineeId) -> Self {
+        let id = trainee.to_string();
+        let own = |filed: Option<FiledUnder>| filed.filter(|filed| filed.id == id);
+        let (from_trainee, to_trainee) = (own(made.from_trainee), own(made.to_trainee));
+        Self { why: None, ..Self::from(SessionMoveRecord { from_trainee, to_trainee, ..made }) }
+    }
+}
+
 impl From<SessionMoveRecord> for MoveResponse {
     fn from(made: SessionMoveRecord) -> Self {
         let changes = made.changes.iter().map(|part| {
@@ -57,7 +67,7 @@ impl From<SessionMoveRecord> for MoveResponse {
         });
         let changes = changes.collect();
         let (who, created_at) = (made.who.map(String::from), Time(made.created_at_ms));
-        Self { id: made.id, changes, why: made.why.into(), who, created_at }
+        Self { id: made.id, changes, why: Some(made.why.into()), who, created_at }
     }
 }
 
@@ -65,14 +75,21 @@ impl From<SessionMoveRecord> for MoveResponse {
 #[utoipa::path(get, path = "/sessions/{id}/moves", tag = "sessions",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = PageResponse<MoveResponse>)))]
 pub async fn moves(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<PageResponse<MoveResponse>>> {
-    let moves = app.store.session_moves().of_session(&by.scope, at.id()?).await?;
-    Ok(Json(PageResponse::whole(moves.into_iter().map(MoveResponse::from))))
+    let session: SessionId = at.id()?;
+    let moves = app.store.session_moves().of_session(&by.scope, session).await?;
+    let trainee = app.store.sessions().get(&by.scope, session).await?.trainee_id;
+    let shown = |made| match by.scope.is_staff() {
+        true => MoveResponse::from(made),
+        false => MoveResponse::for_trainee(made, trainee),
+    };
+    Ok(Json(PageResponse::whole(moves.into_iter().map(shown))))
 }
 
 /// Move a session to the right trainee, task or box
 ///
 /// Name what is wrong; the rest stays. Progress, standards, courses, cohorts and exports read the session where it is
-/// filed now. The session keeps its recording, ratings, comments and edits. To take a move back, move the session again.
+/// filed now. The session keeps its recording, ratings, comments and edits; comments of the trainee before are hidden
+/// while it is filed under another one. To take a move back, move the session again.
 ///
 /// In another box, the session is tracked with the camera and colours of that box. Results of the box before stay in
 /// `GET /sessions/{id}/results`, and count again if the session is moved back. An answer to the `box_question` counts

@@ -280,7 +280,7 @@ impl SessionResponse {
     }
 
     /// Judges the features and the session by the task's standard, unless the session may show another box. One that was
-    /// set aside counts nowhere, so only its features are judged.
+    /// set aside, or refused, counts nowhere, so only its features are judged.
     pub fn judged_by(mut self, standard: Option<&store::StandardRecord>, handedness: Option<Handedness>) -> Self {
         let standard = standard.filter(|_| self.box_question.is_none_or(BoxQuestion::counts));
         if let (Some(standard), Some(versions)) = (standard, &self.versions) {
@@ -288,7 +288,8 @@ impl SessionResponse {
             let of_feature = |key: &FeatureKey| {
                 self.features.iter().find(|feature| feature.key() == *key).and_then(|feature| feature.judgement)
             };
-            self.judgement = (!self.set_aside).then(|| standard.definition.judge_all(of_feature));
+            let is_refused = self.quality.as_ref().is_some_and(|quality| quality["verdict"] == "refused");
+            self.judgement = (!self.set_aside && !is_refused).then(|| standard.definition.judge_all(of_feature));
         }
         self
     }

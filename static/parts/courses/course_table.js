@@ -7,7 +7,7 @@ import { dueText, requirementText, StepState, stepText } from './course_state.js
 
 const words = t.courses;
 
-export const CourseTable = ({ course: { steps, trainees, rows } }) => html`
+export const CourseTable = ({ group, course: { steps, trainees, rows } }) => html`
   <div class="scroll"><table class="table course-table">
     <thead><tr>
       <th scope="col">${t.groups.name}</th><th scope="col">${words.done}</th>
@@ -17,7 +17,7 @@ export const CourseTable = ({ course: { steps, trainees, rows } }) => html`
     <tbody>${rows.map(row => html`<${Row} key=${row.trainee} row=${row} steps=${steps}
       name=${nameIn(trainees, row)} />`)}</tbody>
   </table></div>
-  <${SaveTable} name=${t.courses.ofGroup} rows=${() => tableRows(steps, trainees, rows)} />`;
+  <${SaveTable} name=${`${group.name} ${t.courses.ofGroup}`} rows=${() => tableRows(steps, trainees, rows)} />`;
 
 const nameIn = (trainees, row) => trainees.find(one => one.id === row.trainee).name;
 

@@ -53,7 +53,7 @@ function CourseProgress({ group }) {
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     ${!data && !problem && html`<${Loading} />`}
     ${data?.rows.length === 0 && html`<${Empty} title=${t.groups.empty} body=${words.empty} />`}
-    ${data && data.rows.length > 0 && html`<${CourseTable} course=${data} />`}
+    ${data && data.rows.length > 0 && html`<${CourseTable} group=${group} course=${data} />`}
     ${data?.more && html`<p class="body small muted">${t.groups.more(data.rows.length)}</p>`}`;
 }
 

@@ -1,6 +1,7 @@
 // A group's table: course of the values, newest value with its error, judgement by the standard. Sortable, but not a
 // ranking.
 import { html, useState } from '../../preact.js';
+import { csvTime } from '../../csv.js';
 import { date, unit } from '../../format.js';
 import { href } from '../../router.js';
 import { language, t } from '../../texts.js';
@@ -53,7 +54,7 @@ const tableRows = (rows, { unit: of }) => [
   ...rows.map(row => {
     const point = newest(row);
     return [row.person.name, point?.value, point?.low, point?.high, point?.judgement ? judgementWords(point.judgement) : null,
-      stateOf(row)?.words ?? words.noStandard, row.sessions, row.last_at?.slice(0, 10)];
+      stateOf(row)?.words ?? words.noStandard, row.sessions, csvTime(row.last_at)];
   }),
 ];
 

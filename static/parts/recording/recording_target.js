@@ -31,14 +31,14 @@ export function useRecordingTarget({ person, route }) {
         )
       : api.trainees.all();
     const [trainee, task, boxes] = await Promise.all([trainees, api.tasks.all(), api.boxes.all()]);
-    return { trainee, task, box: offeredBoxes(boxes, own !== null) };
+    return { trainee, task, box: offeredBoxes(boxes, own !== null), boxes };
   }, []);
   const chosen = Object.fromEntries(KINDS.map(kind => [kind, findItem(lists?.[kind], route.query.get(kind))]));
   const ofEach = what => Object.fromEntries(KINDS.map(kind => [kind, chosen[kind]?.[what]]));
   const isTargetComplete = KINDS.every(kind => chosen[kind]);
   const set = kind => event => replace(route.path, { ...ofEach('id'), [kind]: event.target.value });
   const namesOf = ids => {
-    const found = KINDS.map(kind => lists?.[kind].find(item => item.id === ids[kind])?.name);
+    const found = KINDS.map(kind => lists?.[kind === 'box' ? 'boxes' : kind].find(item => item.id === ids[kind])?.name);
     return found.every(Boolean) ? words.forWhom(.../** @type {[string, string, string]} */ (found)) : '';
   };
   const ids = isTargetComplete ? ofEach('id') : null;
@@ -58,12 +58,15 @@ const findItem = (list = [], key) =>
 /** The three selects; a kind without any items is reported above them. */
 export const RecordingTargetFields = ({ target: { lists, chosen, set } }) => html`
   ${KINDS.filter(kind => lists[kind].length === 0).map(kind => html`
-    <div key=${kind} class="wide"><${Notice} tone="warn" title=${words.missing[kind]}>
-      <a href=${href([PAGES[kind]])}>${words.make}</a><//></div>`)}
+    <div key=${kind} class="wide">${kind === 'box' && lists.boxes.length ? html`<${Notice} tone="warn" title=${words.noneReady} />` : html`
+      <${Notice} tone="warn" title=${words.missing[kind]}><a href=${href([PAGES[kind]])}>${words.make}</a><//>`}</div>`)}
   ${KINDS.map(kind => html`<${Field} key=${kind} type="select" label=${words[kind]} value=${chosen[kind]?.id}
     options=${[['', words.choose], ...lists[kind].map(item => [item.id, optionName(kind, item)])]} onInput=${set(kind)} />`)}`;
 
-const optionName = (kind, item) => (kind === 'box' && !isBoxReady(item) ? words.notSetUp(item.name) : item.name);
+const optionName = (kind, item) => (kind === 'box' ? boxName(item) : item.name);
+
+/** The name of a box in a list, with the note that it is not set up. */
+export const boxName = box => (isBoxReady(box) ? box.name : words.notSetUp(box.name));
 
 /** Shown when a person continues without having chosen. */
 export const TargetNeeded = () => html`

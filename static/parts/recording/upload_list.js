@@ -22,8 +22,9 @@ export function UploadList({ items, namesOf }) {
   };
   useLive('session', event => {
     setScoring(before => ({ ...before, [event.id]: event }));
-    const isShown = items.some(item => item.session === event.id);
-    if (isShown && !isMoving(event)) readEnded(event.id);
+    if (!items.some(item => item.session === event.id)) return;
+    if (isMoving(event)) setEnded(before => ({ ...before, [event.id]: undefined }));
+    else readEnded(event.id);
   });
   const arrived = items.filter(item => item.state === 'done' && item.session).map(item => item.session);
   useEffect(() => {

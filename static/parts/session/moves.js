@@ -1,12 +1,13 @@
 // Moving a session to the right trainee, task or box, and the list of its moves with their authors and reasons.
 import { html, useState } from '../../preact.js';
-import { api } from '../../api.js';
+import { api, Problem } from '../../api.js';
 import { useData } from '../../data.js';
 import { dateTime } from '../../format.js';
 import { t } from '../../texts.js';
 import { Dialog } from '../forms/dialog.js';
 import { Form } from '../forms/form.js';
 import { Loading, ProblemNotice } from '../page/notice.js';
+import { boxName } from '../recording/recording_target.js';
 
 const words = t.session.moves;
 const PARTS = /** @type {const} */ (['trainee', 'task', 'box']);
@@ -31,11 +32,12 @@ function MoveDialog({ session, onDone, onClose }) {
     label: t.target[part],
     type: 'select',
     value: session[part].id,
-    options: withCurrent(lists?.[part] ?? [], session[part]).map(one => [one.id, one.name]),
+    options: withCurrent(lists?.[part] ?? [], session[part]).map(one => [one.id, part === 'box' ? boxName(one) : one.name]),
   }));
   const why = { name: 'why', label: words.why, hint: words.whyHint, type: 'textarea', required: true, maxlength: 1800, wide: true };
   const save = async given => {
     const changed = PARTS.filter(part => given[part] !== session[part].id).map(part => [part, given[part]]);
+    if (!changed.length) throw new Problem({ title: words.nothing, status: 0 });
     await api.sessions.move(session.id, { ...Object.fromEntries(changed), why: given.why });
     onDone();
   };
@@ -65,7 +67,7 @@ export function Moves({ session }) {
       <ul class="edit-list">${data.items.map(made => html`
         <li key=${made.id}><div>
           ${made.changes.map(change => html`<strong key=${change.part}>${changeText(change)}</strong>`)}
-          <p class="said">${made.why}</p>
+          ${made.why && html`<p class="said">${made.why}</p>`}
           <p class="small muted">${made.who ?? t.session.edits.gone}, ${dateTime(made.created_at)}</p>
         </div></li>`)}</ul>
     </details>`;

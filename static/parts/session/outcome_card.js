@@ -26,9 +26,14 @@ export function OutcomeCard({ session }) {
   const outcome = outcomeOf(session);
   const limited = session.features.filter(one => one.target);
   const rows = limited.length ? limited : featuresIn(session.features, firstSpace(session)).filter(isShownWithoutStandard);
+  if (!SHOWN_OUTCOMES.includes(outcome) || !rows.length) return null;
+  return html`<${Card} session=${session} outcome=${outcome} limited=${limited} rows=${rows} />`;
+}
+
+/** @param {Props} props */
+function Card({ session, outcome, limited, rows }) {
   const last = useLastTime(session);
   const evidence = useEvidenceOfMissed(session);
-  if (!SHOWN_OUTCOMES.includes(outcome) || !rows.length) return null;
   return html`
     <section class="card outcome-card" aria-label=${words.name}>
       <header>
@@ -82,12 +87,12 @@ function useEvidenceOfMissed(session) {
   return useData(
     async signal => (missed ? evidenceByFeature((await api.sessions.evidence(session.id, signal).catch(() => null))?.features) : null),
     [session.id, session.result, missed],
-  ).data;
+  ).current;
 }
 
 /** The trainee's session of the task before this one that counts: when it was recorded, and its value of a feature. */
 function useLastTime(session) {
-  const { data } = useData(
+  const { current: data } = useData(
     signal => api.trainees.progress(session.trainee.id, { task: session.task.id }, signal).catch(() => null),
     [session.id, session.result, session.trainee.id, session.task.id],
   );

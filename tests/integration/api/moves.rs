@@ -48,6 +48,7 @@ async fn progress_follows_a_session_to_another_trainee_and_task_and_back() {
     let before = progress(&centre, "ada", "peg").await;
     assert!(before["passed"].is_object(), "{before}");
     let at = address(&before["sessions"][0]);
+    centre.trainee.make(&format!("{at}/comments"), json!({"from_s": 1, "text": "I dropped it here."})).await;
 
     let made = move_to(&centre.administrator, &at, json!({"trainee": "bob"})).await;
     assert_eq!(made["changes"].as_array().unwrap().len(), 1, "{made}");
@@ -63,12 +64,15 @@ async fn progress_follows_a_session_to_another_trainee_and_task_and_back() {
     let seen = centre.other_trainee.read(&format!("{at}/moves")).await;
     let change = &seen["items"][0]["changes"][0];
     assert_eq!((&change["from"], &change["to"]["code"]), (&Value::Null, &json!("bob")), "Bob does not learn of Ada");
+    assert_eq!(seen["items"][0]["why"], Value::Null);
+    assert_eq!(centre.other_trainee.read(&format!("{at}/comments")).await["items"], json!([]), "nor from her comment");
 
     move_to(&centre.administrator, &at, json!({"trainee": "ada", "task": "knots"})).await;
     assert_eq!(values(&progress(&centre, "ada", "knots").await)[0].1, 40.0);
     assert_eq!(values(&progress(&centre, "bob", "peg").await), []);
     move_to(&centre.instructor, &at, json!({"task": "peg"})).await;
     assert_eq!(progress(&centre, "ada", "peg").await, before, "as if it had never been moved");
+    assert_eq!(centre.trainee.read(&format!("{at}/comments")).await["items"][0]["text"], "I dropped it here.");
 
     let moves = centre.instructor.read(&format!("{at}/moves")).await;
     let parts: Vec<Vec<&str>> = moves["items"].as_array().unwrap().iter().map(parts_of).collect();
