@@ -646,7 +646,7 @@ export default {
     moves: {
       move: 'Verschieben',
       title: 'Diese Sitzung verschieben',
-      does: 'Wählen Sie die richtige Person, Aufgabe und Box. Verlauf, Standards, Kurse und Exporte zeigen die Sitzung dann dort. Aufnahme, Bewertungen und Kommentare bleiben. In einer anderen Box wird sie mit deren Kamera neu ausgewertet. Um dies zurückzunehmen, verschieben Sie die Sitzung noch einmal.',
+      does: 'Wählen Sie die richtige Person, Aufgabe und Box. Verlauf, Standards, Kurse und Exporte zeigen die Sitzung dann dort. Aufnahme, Bewertungen und Kommentare bleiben; Kommentare der bisherigen Person sind verborgen. In einer anderen Box wird sie mit deren Kamera neu ausgewertet. Um dies zurückzunehmen, verschieben Sie die Sitzung noch einmal.',
       why: 'Warum?',
       whyHint: 'Für das Personal, das es später liest: „Jemand anderes war noch angemeldet.“ Nennen Sie hier keine Namen.',
       list: n => `Diese Sitzung wurde ${n === 1 ? 'einmal' : `${n}-mal`} verschoben`,

@@ -544,7 +544,7 @@ export default {
     moves: {
       move: 'Move',
       title: 'Move this session',
-      does: 'Choose the right trainee, task and box. Progress, standards, courses and exports then show the session there. Recording, ratings and comments stay. In another box, it is measured again with the camera of that box. To take this back, move the session again.',
+      does: 'Choose the right trainee, task and box. Progress, standards, courses and exports then show the session there. Recording, ratings and comments stay; comments of the trainee before are hidden. In another box, it is measured again with the camera of that box. To take this back, move the session again.',
       why: 'Why?',
       whyHint: 'For staff who read it later: “Another person was still signed in.” Give no names here.',
       list: n => `This session was moved ${n === 1 ? 'once' : `${n} times`}`,
