@@ -312,7 +312,7 @@ CREATE TABLE result (
     trajectory     TEXT NOT NULL REFERENCES blob (hash) ON DELETE RESTRICT,  -- raw, filtered and smoothed paths
     preview        TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- a JPEG of one frame
     created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0)               -- when stored, epoch ms
-, calibration_id TEXT REFERENCES calibration (id) ON DELETE RESTRICT, palette_id TEXT REFERENCES palette (id) ON DELETE RESTRICT, width INTEGER CHECK (width BETWEEN 1 AND 65535), height INTEGER CHECK (height BETWEEN 1 AND 65535), diagnostics TEXT REFERENCES blob (hash) ON DELETE RESTRICT, tracked_with TEXT CHECK (length(tracked_with) BETWEEN 1 AND 64), edits INTEGER NOT NULL DEFAULT 0 CHECK (edits >= 0), clock TEXT CHECK (json_valid(clock)), time_revision INTEGER NOT NULL DEFAULT 0 CHECK (time_revision >= 0)) STRICT;
+, calibration_id TEXT REFERENCES calibration (id) ON DELETE RESTRICT, palette_id TEXT REFERENCES palette (id) ON DELETE RESTRICT, width INTEGER CHECK (width BETWEEN 1 AND 65535), height INTEGER CHECK (height BETWEEN 1 AND 65535), diagnostics TEXT REFERENCES blob (hash) ON DELETE RESTRICT, tracked_with TEXT CHECK (length(tracked_with) BETWEEN 1 AND 64), edits INTEGER NOT NULL DEFAULT 0 CHECK (edits >= 0), clock TEXT CHECK (json_valid(clock)), time_revision INTEGER NOT NULL DEFAULT 0 CHECK (time_revision >= 0), left_tool TEXT CHECK (length(left_tool) BETWEEN 1 AND 64), right_tool TEXT CHECK (length(right_tool) BETWEEN 1 AND 64)) STRICT;
 
 CREATE TABLE self_test (
     id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- SelfTestId
@@ -408,7 +408,7 @@ CREATE TABLE standard (
     version       INTEGER NOT NULL CHECK (version >= 1),                     -- 1, 2, … within the task
     definition    TEXT NOT NULL CHECK (json_valid(definition)),              -- targets, pass rule and charts (Definition)
     person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who set it; NULL: the service, or gone
-    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when set, epoch ms
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0), valid_from_ms INTEGER NOT NULL DEFAULT 0 CHECK (valid_from_ms >= 0),               -- when set, epoch ms
     UNIQUE (task_id, version)
 ) STRICT;
 
@@ -652,6 +652,11 @@ CREATE TRIGGER person_erased AFTER DELETE ON person BEGIN
     INSERT INTO erasure (kind, id, at_ms) VALUES ('person', OLD.id, CAST(unixepoch('subsec') * 1000 AS INTEGER));
 END;
 
+CREATE TRIGGER result_has_hands AFTER INSERT ON result BEGIN
+    UPDATE result SET (left_tool, right_tool) = (SELECT left_tool, right_tool FROM tool_hand WHERE tool_hand.result_id = NEW.id)
+    WHERE id = NEW.id;
+END;
+
 CREATE TRIGGER session_erased AFTER DELETE ON session BEGIN
     INSERT INTO erasure (kind, id, at_ms) VALUES ('session', OLD.id, CAST(unixepoch('subsec') * 1000 AS INTEGER));
 END;
@@ -752,8 +757,32 @@ CREATE VIEW set_aside_session (session_id) AS
     SELECT session_id FROM session_edit WHERE kind = 'set_aside' AND undone_at_ms IS NULL;
 
 CREATE VIEW standard_record AS
-    SELECT standard.id, standard.task_id, standard.version, standard.definition, person.name AS who, standard.created_at_ms
+    SELECT standard.id, standard.task_id, standard.version, standard.definition, person.name AS who, standard.created_at_ms,
+           standard.valid_from_ms
     FROM standard LEFT JOIN person ON person.id = standard.person_id;
+
+CREATE VIEW tool_hand AS
+    SELECT placed.id AS result_id,
+           CASE WHEN placed.by_trocars IS NOT NULL THEN placed.by_trocars ->> '$[0]' ELSE placed.stated_left END AS left_tool,
+           CASE WHEN placed.by_trocars IS NOT NULL THEN placed.by_trocars ->> '$[1]' ELSE placed.stated_right END AS right_tool
+    FROM
+        (SELECT result.id,
+                (SELECT json_array(one.value ->> '$.tool', other.value ->> '$.tool')
+                 FROM json_each(result.quality, '$.tools') AS one, json_each(result.quality, '$.tools') AS other
+                 WHERE json_array_length(result.tools) = 2
+                   AND (other.value ->> '$.fulcrum.at_mm[0]') - (one.value ->> '$.fulcrum.at_mm[0]')
+                       > abs((other.value ->> '$.fulcrum.at_mm[1]') - (one.value ->> '$.fulcrum.at_mm[1]'))
+                   AND ((other.value ->> '$.fulcrum.at_mm[0]') - (one.value ->> '$.fulcrum.at_mm[0]'))
+                       * ((other.value ->> '$.fulcrum.at_mm[0]') - (one.value ->> '$.fulcrum.at_mm[0]'))
+                       > 9 * ((one.value ->> '$.fulcrum.covariance_mm2[0]') + (other.value ->> '$.fulcrum.covariance_mm2[0]'))
+                ) AS by_trocars,
+                (SELECT iif(count(*) = 1, min(tool.value ->> '$.name'), NULL) FROM palette, json_each(palette.tools) AS tool
+                 WHERE palette.id = result.palette_id AND tool.value ->> '$.side' = 'left'
+                   AND tool.value ->> '$.name' IN (SELECT value FROM json_each(result.tools))) AS stated_left,
+                (SELECT iif(count(*) = 1, min(tool.value ->> '$.name'), NULL) FROM palette, json_each(palette.tools) AS tool
+                 WHERE palette.id = result.palette_id AND tool.value ->> '$.side' = 'right'
+                   AND tool.value ->> '$.name' IN (SELECT value FROM json_each(result.tools))) AS stated_right
+         FROM result) AS placed;
 
 CREATE VIEW tracking_job AS
     SELECT job.* FROM job

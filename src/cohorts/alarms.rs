@@ -163,19 +163,20 @@ impl Cohorts {
         pairs: Vec<TraineeTask>,
         now_ms: i64,
     ) -> Result<Vec<UnnamedAlarm>, CohortsError> {
-        let Some(standard) = self.store.standards().in_use(scope, task).await? else { return Ok(Vec::new()) };
-        let shown = FeatureSelection::of(&ProgressSelection::default(), Some(&standard.definition))?;
+        let (standards, _) = self.task_standards(scope, task).await?;
+        if standards.current().is_none() {
+            return Ok(Vec::new());
+        }
+        let shown = FeatureSelection::of(&ProgressSelection::default(), &standards)?;
         let of_each = self.practices(scope, &pairs, &shown.features()).await?;
         let ids: Vec<TraineeId> = pairs.iter().map(|pair| pair.trainee).collect();
         let trainees = self.store.trainees().named(scope, &ids).await?;
-        let (known, definition) = (self.cache.clone(), standard.definition);
         let calculation = move || {
-            let Ok(monitor) = known.charts(definition.charts) else { return Vec::new() };
             let mut alarms = Vec::new();
             for trainee in &trainees {
                 let of = TraineeTask { trainee: trainee.id, task };
                 let Some(practice) = of_each.get(&of) else { continue };
-                let (_, course) = judge_sessions(practice, Some((&definition, &*monitor)), trainee.handedness, now_ms);
+                let (_, course) = judge_sessions(practice, &standards, trainee.handedness, now_ms);
                 let last = course.charts.as_ref().and_then(|charts| charts.events.last());
                 let relapse = last.filter(|event| event.event == EventName::Relapsed);
                 let at = relapse.and_then(|event| course.sessions.iter().find(|step| step.number == event.session));

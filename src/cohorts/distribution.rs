@@ -9,6 +9,7 @@ use super::people::{ComparableWith, LAST_SESSIONS};
 use super::propose::{LimitedFeature, find_limited_feature};
 use super::{Cohorts, CohortsError, unknown_field};
 use crate::domain::feature::{FeatureKey, depends_on_camera};
+use crate::domain::hand::Hand;
 use crate::domain::scope::Scope;
 use crate::domain::session::FeatureSpace;
 use crate::domain::standard::MisjudgedShare;
@@ -26,11 +27,13 @@ pub struct DistributionSelection {
     pub feature: String,
     /// The tool's marker.
     pub tool: Option<String>,
+    /// The hand that holds the tool.
+    pub in_hand: Option<Hand>,
     /// The space; by default three dimensions, if the feature is measured there.
     pub space: Option<FeatureSpace>,
     /// The cohorts; if none is named, all people in the caller's scope.
     pub cohorts: Vec<Key>,
-    /// For a tool's feature: the hand that the people prefer.
+    /// For a feature of a tool, or of the left or right hand: the hand that the people prefer.
     pub hand: Option<Handedness>,
     /// A limit to judge the people by.
     pub limit: Option<f64>,
@@ -50,7 +53,7 @@ pub struct Distribution {
     pub better: &'static str,
     /// Pipeline version of the values.
     pub pipeline: &'static str,
-    /// For a tool's feature: the hand that these people prefer.
+    /// For a feature of a tool, or of the left or right hand: the hand that these people prefer.
     pub hand: Option<Handedness>,
     /// The limit of the request.
     pub limit: Option<f64>,
@@ -90,8 +93,8 @@ impl Cohorts {
         of: TaskId,
         asked: DistributionSelection,
     ) -> Result<Distribution, CohortsError> {
-        let DistributionSelection { feature, tool, space, cohorts, hand, limit } = asked;
-        let key = find_limited_feature(LimitedFeature { feature: &feature, tool: tool.as_deref(), space })?;
+        let DistributionSelection { feature, tool, in_hand, space, cohorts, hand, limit } = asked;
+        let key = find_limited_feature(LimitedFeature { feature: &feature, tool: tool.as_deref(), in_hand, space })?;
         if depends_on_camera(&key) {
             let why = "depends on the camera's direction, which differs between boxes: choose a feature that does not";
             return Err(Invalid::new("feature", why).into());
@@ -99,7 +102,7 @@ impl Cohorts {
         if limit.is_some_and(|limit| !limit.is_finite()) {
             return Err(Invalid::new("limit", "is not a number").into());
         }
-        if key.tool.is_some() && hand.is_none() {
+        if key.needs_same_preference() && hand.is_none() {
             let why = "is missing: a tool is in one hand, so name the hand that the people prefer";
             return Err(Invalid::new("hand", why).into());
         }
@@ -114,7 +117,7 @@ impl Cohorts {
             let feature = key.feature;
             let groups = over.iter().map(|over| group_spread(&key, over, limit)).collect();
             let (title, unit, better) = (feature.title, feature.unit, feature.direction.name());
-            let hand = key.tool.as_ref().and(hand);
+            let hand = if key.needs_same_preference() { hand } else { None };
             Distribution { of: key, title, unit, better, pipeline: PIPELINE_VERSION, hand, limit, groups }
         };
         self.calculate(calculation).await

@@ -6,11 +6,13 @@
 //! | `mod.rs` | the service [`Cohorts`]; calculations on blocking threads |
 //! | `people.rs` | a cohort's people with one value each, and which of them may be compared |
 //! | `propose.rs` | the limits of a standard, computed from people or chosen |
+//! | `effect.rs` | the trainees whose state a new version of a standard changes |
 //! | `distribution.rs` | the distribution of a feature over people, and the effect of a limit |
 //! | `alarms.rs` | trainees who need attention: relapses, due refreshers |
 //! | `overview.rs` | the table of a group |
 //! | `courses.rs` | progress in a course |
 //! | `progress.rs` | a trainee's sessions of a task over time |
+//! | `versions.rs` | the versions of a task's standard, and which of them judges which session |
 //! | `verdicts.rs` | these sessions against a standard: passes, rule, charts, reminders |
 //! | `series.rs` | one feature over these sessions: points, rank, curve |
 //! | `cache.rs` | recently computed charts and curves |
@@ -26,6 +28,7 @@ pub mod answer;
 mod cache;
 mod courses;
 mod distribution;
+mod effect;
 mod overview;
 mod people;
 mod progress;
@@ -34,6 +37,7 @@ mod raters;
 mod series;
 mod skill;
 mod verdicts;
+mod versions;
 
 use std::sync::Arc;
 
@@ -48,6 +52,7 @@ pub use alarms::{Alarm, AlarmKind, Alarms};
 use cache::ComputedCache;
 pub use courses::{CourseRow, GroupCourse, OwnCourse, StepPassed, StepProgress, StepState};
 pub use distribution::{Distribution, DistributionSelection, GroupSpread};
+pub use effect::{StandardEffect, TaskState, TraineeEffect};
 pub use overview::{GroupTable, GroupTableAnswer, GroupTableRow};
 pub use progress::{ProgressSelection, TraineeProgress};
 pub use propose::{Proposal, ProposedTarget};

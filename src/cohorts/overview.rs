@@ -9,14 +9,14 @@ use utoipa::ToSchema;
 use super::answer::{RuleState, SeriesPoint, StandingName};
 use super::progress::{FeatureSelection, MAX_SESSIONS, ProgressSelection, judge_sessions};
 use super::series::{NumberedSession, points};
+use super::versions::TaskStandards;
 use super::{Cohorts, CohortsError, unknown_field};
 use crate::domain::feature::FeatureKey;
 use crate::domain::scope::Scope;
-use crate::domain::standard::{StandardDefinition, Target};
+use crate::domain::standard::Target;
 use crate::domain::text::Invalid;
 use crate::ids::{GroupId, SessionId, TraineeId};
 use crate::motion::features::Feature;
-use crate::statistics::lc_cusum::LcCusumMonitor;
 use crate::store::{GroupRecord, Practice, StandardRecord, TaskRecord, TraineeRecord, TraineeTask};
 
 /// Limit of rows in a table, so that it stays readable.
@@ -97,15 +97,14 @@ impl Cohorts {
             return Err(Invalid::new("task", "is missing: name one").into());
         };
         let task = self.store.tasks().get(scope, task).await.map_err(unknown_field("task"))?;
-        let standard = self.store.standards().in_use(scope, task.id).await?;
+        let (standards, standard) = self.task_standards(scope, task.id).await?;
         let mut trainees = self.store.trainees().of_group(scope, group.id, MAX_ROWS as u32 + 1).await?;
         let more = trainees.len() > MAX_ROWS;
         trainees.truncate(MAX_ROWS);
         let pairs: Vec<TraineeTask> = trainees.iter().map(|of| TraineeTask { trainee: of.id, task: task.id }).collect();
-        let shown = FeatureSelection::of(&asked, standard.as_ref().map(|standard| &standard.definition))?;
+        let shown = FeatureSelection::of(&asked, &standards)?;
         let of_each = self.practices(scope, &pairs, &shown.features()).await?;
-        let definition = standard.as_ref().map(|standard| standard.definition.clone().without_fingerprints());
-        let (known, now_ms) = (self.cache.clone(), self.clock.now_ms());
+        let now_ms = self.clock.now_ms();
         let (at, trained) = (task.id, trainees.clone());
         let calculation = move || {
             let keys = shown.keys(of_each.values());
@@ -115,15 +114,13 @@ impl Cohorts {
             let alike = measured.filter(|key| key.feature == of.feature && key.space == of.space);
             let tools: BTreeSet<&String> = alike.filter_map(|key| key.tool.as_ref()).collect();
             let tools = tools.into_iter().cloned().collect();
-            let monitor = definition.as_ref().and_then(|definition| known.charts(definition.charts).ok());
-            let standard = definition.as_ref().zip(monitor.as_deref());
             let nothing = Practice { earlier: 0, sessions: Vec::new() };
             let rows = trained.iter().map(|trainee| {
                 let practice = of_each.get(&TraineeTask { trainee: trainee.id, task: at }).unwrap_or(&nothing);
-                table_row(trainee, &of, practice, standard, now_ms)
+                table_row(trainee, &of, practice, &standards, now_ms)
             });
             let rows = rows.collect();
-            let target = definition.as_ref().and_then(|definition| definition.target(&of)).cloned();
+            let target = standards.current().and_then(|version| version.definition.target(&of)).cloned();
             GroupTable {
                 title: of.feature.title,
                 unit: of.feature.unit,
@@ -153,13 +150,12 @@ fn table_row(
     trainee: &TraineeRecord,
     of: &FeatureKey,
     practice: &Practice,
-    standard: Option<(&StandardDefinition, &LcCusumMonitor)>,
+    standards: &TaskStandards,
     now_ms: i64,
 ) -> GroupTableRow {
-    let (sessions, course) = judge_sessions(practice, standard, trainee.handedness, now_ms);
+    let (sessions, course) = judge_sessions(practice, standards, trainee.handedness, now_ms);
     let counted: Vec<NumberedSession<'_>> = sessions.into_iter().filter(|session| session.counts).collect();
-    let target = standard.and_then(|(definition, _)| definition.target(of));
-    let mut points = points(of, &counted, target, trainee.handedness);
+    let mut points = points(of, &counted, standards);
     points.retain(|point| point.value.is_some());
     points.drain(..points.len().saturating_sub(MAX_SPARKLINE_POINTS));
     let newest = points.last().and_then(|point| counted.iter().find(|session| session.number == point.session));

@@ -1,8 +1,9 @@
 //! The comparable people of a cohort, with one value each.
 //!
-//! To be fair to left-handers, a tool's feature is compared only among people who prefer the same hand: a tool with the
-//! same marker is in the preferred hand of some people and in the other hand of others. A feature of the whole session
-//! is compared among all. A feature along the camera's axes is compared only within one calibration. Pipeline versions
+//! To be fair to left-handers, a feature of a tool, or of the left or right hand, is compared only among people who
+//! prefer the same hand: that tool is in the preferred hand of some people and in the other hand of others. A feature of
+//! the dominant or the other hand is compared among all whose preferred hand is known, and one of the whole session
+//! among all. A feature along the camera's axes is compared only within one calibration. Pipeline versions
 //! are not mixed.
 
 use sha2::{Digest, Sha256};
@@ -26,7 +27,7 @@ pub struct ComparableWith<'l> {
     pub pipeline: &'l str,
     /// The calibration, for features that depend on the camera's axes; `None` matches none of these.
     pub calibration: Option<CalibrationId>,
-    /// The preferred hand, for a tool's feature.
+    /// The preferred hand, for a feature of a tool or of the left or right hand.
     pub handedness: Option<Handedness>,
     /// A person to leave out, because they are compared with the others.
     pub without: Option<TraineeId>,
@@ -39,7 +40,8 @@ impl ComparableWith<'_> {
             row.of == *self.of
                 && row.pipeline == self.pipeline
                 && (!depends_on_camera(self.of) || self.calibration == Some(row.calibration))
-                && (self.of.tool.is_none() || (self.handedness.is_some() && row.handedness == self.handedness))
+                && (!self.of.needs_same_preference()
+                    || (self.handedness.is_some() && row.handedness == self.handedness))
                 && self.without != Some(row.trainee)
         };
         values.iter().filter(comparable).map(|row| (row.trainee, row.value)).collect()
@@ -68,7 +70,7 @@ mod tests {
     use crate::motion::features::find;
 
     fn key(feature: &str, tool: Option<&str>, space: FeatureSpace) -> FeatureKey {
-        FeatureKey { feature: find(feature).unwrap(), tool: tool.map(str::to_owned), space }
+        FeatureKey::of_tool(find(feature).unwrap(), tool.map(str::to_owned), space)
     }
 
     fn value(of: &FeatureKey, at: i64, handedness: Option<Handedness>, value: f64) -> CohortValue {

@@ -1,28 +1,29 @@
 //! A trainee's sessions of a task over time.
 //!
 //! Sessions are numbered in the order of recording, as their senders state it. They are judged in the order of
-//! arrival: which passes come in a row, the charts, proficiency. All of them are practice and have a number, but sessions that are
+//! arrival, each by the version of the standard of its day ([`super::versions`]): which passes come in a row, the charts,
+//! proficiency. All of them are practice and have a number, but sessions that are
 //! refused, failed, set aside or of another pipeline version do not count otherwise. The version that counts is that of
 //! the newest valid result: after an update of the program, older sessions count again once they are rescored.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use super::answer::{ProgressAnswer, SessionStep, SetAside};
 use super::cache::ComputedCache;
 use super::people::LAST_SESSIONS;
 use super::series::{NumberedSession, TraineeContext, feature_series};
 use super::verdicts::Verdicts;
+use super::versions::TaskStandards;
 use super::{Cohorts, CohortsError, unknown_field};
 use crate::domain::feature::{FeatureKey, resolve_space};
+use crate::domain::hand::Hand;
 use crate::domain::scope::Scope;
 use crate::domain::session::{BoxQuestion, FeatureSpace, SessionStatus};
-use crate::domain::standard::StandardDefinition;
 use crate::domain::text::{Invalid, Key};
 use crate::domain::trainee::Handedness;
-use crate::ids::SessionId;
+use crate::ids::{SessionId, TaskId};
 use crate::motion::features::{self, FEATURES, Feature, time};
 use crate::statistics::TrialOutcome;
-use crate::statistics::lc_cusum::LcCusumMonitor;
 use crate::store::{CohortRecord, Practice, PracticeSession, StandardRecord, TaskRecord, TraineeRecord};
 use crate::time::to_rfc3339;
 
@@ -41,6 +42,8 @@ pub struct ProgressSelection {
     pub feature: Option<String>,
     /// Only this tool.
     pub tool: Option<String>,
+    /// Only this hand.
+    pub in_hand: Option<Hand>,
     /// The space; by default three dimensions, if the feature is measured there.
     pub space: Option<FeatureSpace>,
     /// The cohort to rank the trainee in.
@@ -54,7 +57,7 @@ pub struct TraineeProgress {
     pub trainee: TraineeRecord,
     /// The task; `None` if none was named and the trainee has no session.
     pub task: Option<TaskRecord>,
-    /// The task's standard.
+    /// The version of the task's standard that judges recordings that arrive now.
     pub standard: Option<StandardRecord>,
     /// The cohort that the trainee is ranked in.
     pub cohort: Option<CohortRecord>,
@@ -84,8 +87,8 @@ impl Cohorts {
                 answer: ProgressAnswer::default(),
             });
         };
-        let standard = self.store.standards().in_use(scope, task.id).await?;
-        let shown = FeatureSelection::of(&asked, standard.as_ref().map(|standard| &standard.definition))?;
+        let (standards, standard) = self.task_standards(scope, task.id).await?;
+        let shown = FeatureSelection::of(&asked, &standards)?;
         let features = shown.features();
         let practice = self.store.sessions().practice(scope, trainee.id, task.id, &features, MAX_SESSIONS).await?;
         let keys = shown.keys([&practice]);
@@ -95,14 +98,26 @@ impl Cohorts {
         };
         let (known, now_ms) = (self.cache.clone(), self.clock.now_ms());
         let (id, handedness) = (trainee.id, trainee.handedness);
-        let definition = standard.as_ref().map(|standard| standard.definition.clone().without_fingerprints());
         let calculation = move || {
             let context = TraineeContext { trainee: id, handedness, among: among.as_deref() };
-            let monitor = definition.as_ref().and_then(|definition| known.charts(definition.charts).ok());
-            progress_answer(&practice, keys, definition.as_ref().zip(monitor.as_deref()), &context, &known, now_ms)
+            progress_answer(&practice, keys, &standards, &context, &known, now_ms)
         };
         let course = self.calculate(calculation).await?;
         Ok(TraineeProgress { trainee, task: Some(task), standard, cohort, answer: course })
+    }
+
+    /// The versions of a task's standard, and the one that judges recordings that arrive now.
+    pub(super) async fn task_standards(
+        &self,
+        scope: &Scope,
+        task: TaskId,
+    ) -> Result<(TaskStandards, Option<StandardRecord>), CohortsError> {
+        let records = self.store.standards().of_tasks(scope, &[task]).await?;
+        let now_ms = self.clock.now_ms();
+        let current = records.iter().find(|record| record.valid_from_ms <= now_ms).cloned();
+        let known = self.cache.clone();
+        let standards = self.calculate(move || TaskStandards::of(records, &known, now_ms)).await?;
+        Ok((standards, current))
     }
 
     async fn selected_task(
@@ -130,30 +145,35 @@ pub(super) struct FeatureSelection {
 }
 
 impl FeatureSelection {
-    pub(super) fn of(asked: &ProgressSelection, standard: Option<&StandardDefinition>) -> Result<Self, CohortsError> {
-        let judged: Vec<FeatureKey> = standard
-            .map_or_else(Vec::new, |standard| standard.targets.iter().map(|target| target.of.clone()).collect());
+    pub(super) fn of(asked: &ProgressSelection, standards: &TaskStandards) -> Result<Self, CohortsError> {
+        if asked.tool.is_some() && asked.in_hand.is_some() {
+            return Err(Invalid::new("tool", "must be left out where `in_hand` names a hand").into());
+        }
+        let judged = standards.limited_features();
+        let current = standards.current().map_or(&[][..], |version| &version.definition.targets);
         let feature = match &asked.feature {
             Some(name) => features::find(name).map_err(Invalid::from)?,
-            None if !judged.is_empty() => {
-                let is_asked = |of: &&FeatureKey| {
-                    (asked.tool.is_none() || of.tool == asked.tool) && asked.space.is_none_or(|space| of.space == space)
+            None if !current.is_empty() => {
+                let is_asked = |of: &FeatureKey| {
+                    (asked.tool.is_none() || of.tool == asked.tool)
+                        && (asked.in_hand.is_none() || of.in_hand == asked.in_hand)
+                        && asked.space.is_none_or(|space| of.space == space)
                 };
-                let keys: Vec<FeatureKey> = judged.iter().filter(is_asked).cloned().collect();
+                let keys = current.iter().map(|target| &target.of).filter(|of| is_asked(of));
+                let keys: Vec<FeatureKey> = keys.cloned().collect();
                 if keys.is_empty() {
                     let why = "has no limit in the task's standard: name a feature as well";
-                    return Err(Invalid::new(if asked.tool.is_some() { "tool" } else { "space" }, why).into());
+                    return Err(Invalid::new(asked.named_field(), why).into());
                 }
                 return Ok(Self { keys, of_all_tools: None, judged });
             }
             None => DEFAULT_FEATURE,
         };
         let space = resolve_space(feature, asked.space)?;
-        let key = |tool| FeatureKey { feature, tool, space };
-        let (keys, of_all_tools) = match (&asked.tool, &asked.feature) {
-            (Some(tool), _) => (vec![key(Some(tool.clone()))], None),
-            (None, Some(_)) => (Vec::new(), Some((feature, space))),
-            (None, None) => (vec![key(None)], None),
+        let is_of_one = asked.tool.is_some() || asked.in_hand.is_some();
+        let (keys, of_all_tools) = match asked.feature {
+            Some(_) if !is_of_one => (Vec::new(), Some((feature, space))),
+            _ => (vec![FeatureKey { feature, tool: asked.tool.clone(), in_hand: asked.in_hand, space }], None),
         };
         Ok(Self { keys, of_all_tools, judged })
     }
@@ -167,20 +187,48 @@ impl FeatureSelection {
     /// The feature to show if none of the sessions has a value for it.
     pub(super) fn default_key(&self) -> FeatureKey {
         let (feature, space) = self.of_all_tools.unwrap_or((DEFAULT_FEATURE, FeatureSpace::Space3d));
-        FeatureKey { feature, tool: None, space }
+        FeatureKey::of_session(feature, space)
     }
 
-    /// The features to show. For a feature of all tools: one per tool that has it in these sessions, in the order of
-    /// names.
+    /// The features to show. For a feature of all tools: that of the whole session, of the left and the right hand, and
+    /// of each tool whose hand no session says, in the order of names.
     pub(super) fn keys<'p>(&self, practised: impl IntoIterator<Item = &'p Practice>) -> Vec<FeatureKey> {
         let Some((feature, space)) = self.of_all_tools else { return self.keys.clone() };
-        let sessions = practised.into_iter().flat_map(|practice| &practice.sessions);
-        let measured = sessions.flat_map(|session| &session.measured).map(|measured| &measured.of);
-        let mut tools: Vec<Option<String>> =
-            measured.filter(|of| of.feature == feature && of.space == space).map(|of| of.tool.clone()).collect();
-        tools.sort();
-        tools.dedup();
-        tools.into_iter().map(|tool| FeatureKey { feature, tool, space }).collect()
+        let mut found: BTreeSet<(Option<u8>, Option<&str>)> = BTreeSet::new();
+        for session in practised.into_iter().flat_map(|practice| &practice.sessions) {
+            let hands = session.result.as_ref().map(|result| &result.hands);
+            let measured = session.measured.iter().map(|measured| &measured.of);
+            for of in measured.filter(|of| of.feature == feature && of.space == space) {
+                let tool = of.tool.as_deref();
+                found.insert(match tool.and_then(|tool| hands?.side_of(tool)) {
+                    Some(side) => (Some(side as u8), None),
+                    None => (None, tool),
+                });
+            }
+        }
+        let (of_hands, mut keys): (Vec<_>, Vec<_>) = found.into_iter().partition(|(side, _)| side.is_some());
+        keys.sort_by_key(|(_, tool)| *tool);
+        let whole = keys.iter().take_while(|(_, tool)| tool.is_none()).count();
+        keys.splice(whole..whole, of_hands);
+        let side = |side: u8| if side == Hand::Left as u8 { Hand::Left } else { Hand::Right };
+        let key = |(of, tool): (Option<u8>, Option<&str>)| FeatureKey {
+            feature,
+            tool: tool.map(str::to_owned),
+            in_hand: of.map(side),
+            space,
+        };
+        keys.into_iter().map(key).collect()
+    }
+}
+
+impl ProgressSelection {
+    /// The field that names a tool, hand or space.
+    fn named_field(&self) -> &'static str {
+        match (&self.tool, self.in_hand) {
+            (Some(_), _) => "tool",
+            (None, Some(_)) => "in_hand",
+            (None, None) => "space",
+        }
     }
 }
 
@@ -188,22 +236,21 @@ impl FeatureSelection {
 fn progress_answer(
     practice: &Practice,
     keys: Vec<FeatureKey>,
-    standard: Option<(&StandardDefinition, &LcCusumMonitor)>,
+    standards: &TaskStandards,
     context: &TraineeContext<'_>,
     known: &ComputedCache,
     now_ms: i64,
 ) -> ProgressAnswer {
-    let (sessions, course) = judge_sessions(practice, standard, context.handedness, now_ms);
-    let definition = standard.map(|(definition, _)| definition);
-    let of = |key: &FeatureKey| feature_series(key, &sessions, definition, context, known);
+    let (sessions, course) = judge_sessions(practice, standards, context.handedness, now_ms);
+    let of = |key: &FeatureKey| feature_series(key, &sessions, standards, context, known);
     ProgressAnswer { features: keys.iter().map(of).collect(), ..course }
 }
 
 /// Numbers the sessions and judges them. The answer's features are still empty.
 pub(super) fn judge_sessions<'p>(
     practice: &'p Practice,
-    standard: Option<(&StandardDefinition, &LcCusumMonitor)>,
-    handedness: Option<Handedness>,
+    standards: &TaskStandards,
+    preferred: Option<Handedness>,
     now_ms: i64,
 ) -> (Vec<NumberedSession<'p>>, ProgressAnswer) {
     let believed = |session: &'_ PracticeSession| {
@@ -216,13 +263,20 @@ pub(super) fn judge_sessions<'p>(
         number: practice.earlier + index + 1,
         counts: set_aside(session).is_none(),
         session,
+        preferred,
     };
     let sessions: Vec<NumberedSession<'_>> = practice.sessions.iter().enumerate().map(number).collect();
     let by_arrival = in_order_of_arrival(&sessions);
-    let verdicts = standard.map(|(definition, monitor)| Verdicts::of(definition, monitor, &by_arrival, handedness));
-    let trials = verdicts.iter().flat_map(|verdicts| &verdicts.trials);
-    let trials: HashMap<SessionId, TrialOutcome> =
-        by_arrival.iter().map(|at| at.session.id).zip(trials.copied()).collect();
+    let verdicts: Vec<Verdicts> = standards.newest_first().map(|version| Verdicts::of(version, &by_arrival)).collect();
+    let mut trials: HashMap<SessionId, (i64, TrialOutcome)> = HashMap::new();
+    for verdicts in verdicts.iter().rev() {
+        let judged = verdicts.outcomes().filter(|(at, _)| {
+            standards.at(at.session.created_at_ms).is_some_and(|version| version.version == verdicts.version)
+        });
+        trials.extend(judged.map(|(at, outcome)| (at.session.id, (verdicts.version, outcome))));
+    }
+    let current = standards.current().and_then(|now| verdicts.iter().find(|of| of.version == now.version));
+    let earned = Verdicts::earned(verdicts.iter().filter(|of| current.is_some_and(|now| of.version <= now.version)));
     let step = |at: &NumberedSession<'_>| SessionStep {
         number: at.number,
         id: at.session.id,
@@ -231,17 +285,18 @@ pub(super) fn judge_sessions<'p>(
         created_at: to_rfc3339(at.session.created_at_ms),
         status: at.session.status,
         set_aside: set_aside(at.session),
-        trial: trials.get(&at.session.id).map(|trial| (*trial).into()),
+        standard: trials.get(&at.session.id).map(|(version, _)| *version),
+        trial: trials.get(&at.session.id).map(|(_, trial)| (*trial).into()),
     };
     let course = ProgressAnswer {
         pipeline: pipeline.clone(),
         earlier: practice.earlier,
         sessions: sessions.iter().map(step).collect(),
         features: Vec::new(),
-        rule: verdicts.as_ref().and_then(|verdicts| verdicts.rule.clone()),
-        reminders: verdicts.as_ref().map_or_else(Vec::new, |verdicts| verdicts.reminders(&by_arrival, now_ms)),
-        passed: verdicts.as_ref().and_then(|verdicts| verdicts.passed(&by_arrival)),
-        charts: verdicts.map(|verdicts| verdicts.charts),
+        rule: current.and_then(|verdicts| verdicts.rule.clone()),
+        reminders: earned.map_or_else(Vec::new, |verdicts| verdicts.reminders(&by_arrival, now_ms)),
+        passed: earned.and_then(Verdicts::passed),
+        charts: current.map(|verdicts| verdicts.charts.clone()),
     };
     (sessions, course)
 }

@@ -5,6 +5,7 @@ use super::answer::Withheld;
 use super::people::{ComparableWith, LAST_SESSIONS, fingerprint};
 use super::{Cohorts, CohortsError, unknown_field};
 use crate::domain::feature::{FeatureKey, depends_on_camera, resolve_space};
+use crate::domain::hand::Hand;
 use crate::domain::scope::Scope;
 use crate::domain::session::FeatureSpace;
 use crate::domain::standard::{
@@ -71,11 +72,12 @@ impl Proposal {
 impl Cohorts {
     /// Computes a standard for a task, without storing it.
     pub async fn propose(&self, scope: &Scope, of: TaskId, new: NewStandard) -> Result<Proposal, CohortsError> {
-        let NewStandard { targets, rule, charts } = new.checked()?;
+        let NewStandard { targets, rule, charts, valid_from: _ } = new.checked()?;
         let mut ready = Vec::with_capacity(targets.len());
         for target in targets {
-            let NewTarget { feature, tool, space, by } = target;
-            let key = find_limited_feature(LimitedFeature { feature: &feature, tool: tool.as_deref(), space })?;
+            let NewTarget { feature, tool, in_hand, space, by } = target;
+            let key =
+                find_limited_feature(LimitedFeature { feature: &feature, tool: tool.as_deref(), in_hand, space })?;
             if ready.iter().any(|(known, _)| *known == key) {
                 return Err(Invalid::new("targets", format!("limit {} twice", key.feature)).into());
             }
@@ -109,7 +111,7 @@ impl Cohorts {
             LimitMethod::ContrastingGroups { novices, experts } => {
                 let novices = self.cohort_values(scope, of, key, "novices", &novices).await?;
                 let experts = self.cohort_values(scope, of, key, "experts", &experts).await?;
-                if key.tool.is_some() && novices.handedness != experts.handedness {
+                if key.needs_same_preference() && novices.handedness != experts.handedness {
                     let why =
                         "prefer another hand than the novices, but a tool is in one hand: choose people of one hand";
                     return Err(Invalid::new("experts", why).into());
@@ -147,9 +149,9 @@ impl Cohorts {
                        feature that does not depend on it, such as path_length in 3d";
             return Err(Invalid::new("feature", why).into());
         }
-        if of.tool.is_some() && handedness.is_none() {
+        if of.needs_same_preference() && handedness.is_none() {
             let why = "has people who prefer either hand, but a tool is in one hand: choose a cohort of one preferred \
-                       hand, or limit a feature of the whole session";
+                       hand, or limit a feature of the dominant hand or of the whole session";
             return Err(Invalid::new(field, why).into());
         }
         let values = self.store.cohorts().values(id, task, LAST_SESSIONS, std::slice::from_ref(of)).await?;
@@ -167,6 +169,8 @@ pub(super) struct LimitedFeature<'t> {
     pub feature: &'t str,
     /// The tool's marker.
     pub tool: Option<&'t str>,
+    /// The hand that holds the tool.
+    pub in_hand: Option<Hand>,
     /// The space that it is measured in.
     pub space: Option<FeatureSpace>,
 }
@@ -181,8 +185,14 @@ pub(super) fn find_limited_feature(target: LimitedFeature<'_>) -> Result<Feature
     }
     let name = feature.name;
     match target.tool {
-        None if !feature.has_session_value() => {
-            Err(Invalid::new("tool", format!("is missing: {name} is measured for each tool, so name one")))
+        _ if target.in_hand.is_some() && !feature.has_tool_values() => {
+            Err(Invalid::new("in_hand", format!("must be left out: {name} is measured for the whole session")))
+        }
+        Some(_) if target.in_hand.is_some() => {
+            Err(Invalid::new("tool", "must be left out where `in_hand` names a hand"))
+        }
+        None if !feature.has_session_value() && target.in_hand.is_none() => {
+            Err(Invalid::new("in_hand", format!("is missing: {name} is measured for each hand, so name one")))
         }
         Some(_) if !feature.has_tool_values() => {
             Err(Invalid::new("tool", format!("must be left out: {name} is measured for the whole session")))
@@ -190,7 +200,7 @@ pub(super) fn find_limited_feature(target: LimitedFeature<'_>) -> Result<Feature
         Some(tool) if tool.is_empty() || tool.chars().count() > MAX_TOOL_CHARS => {
             Err(Invalid::new("tool", format!("is not a tool's name: expected 1 to {MAX_TOOL_CHARS} characters")))
         }
-        _ => Ok(FeatureKey { feature, tool: target.tool.map(str::to_owned), space }),
+        tool => Ok(FeatureKey { feature, tool: tool.map(str::to_owned), in_hand: target.in_hand, space }),
     }
 }
 
@@ -206,7 +216,7 @@ fn fixed_target(feature: &Feature, limit: f64, unit: &str) -> Result<standard::F
 }
 
 fn published_target(key: &FeatureKey, preset: &str) -> Result<standard::FeatureTarget, Invalid> {
-    if key.feature != &time::DURATION || key.tool.is_some() {
+    if key.feature != &time::DURATION || key.is_of_one_hand() {
         return Err(Invalid::new("method", "fls gives times: use it only for the duration of the whole session"));
     }
     let known = fls::FLS.iter().find(|known| known.task == preset);
@@ -229,7 +239,7 @@ fn compute_target(
 ) -> Result<(standard::FeatureTarget, Option<MadeFrom>), NoAnswer> {
     let direction = key.feature.direction;
     let from = |groups: &[&PersonValues], handedness| {
-        let handedness = key.tool.as_ref().and(handedness);
+        let handedness = if key.needs_same_preference() { handedness } else { None };
         Some(MadeFrom { pipeline: PIPELINE_VERSION.to_owned(), fingerprint: Some(fingerprint(groups)), handedness })
     };
     Ok(match way {

@@ -6,8 +6,9 @@ use super::answer::{
 };
 use super::cache::ComputedCache;
 use super::people::ComparableWith;
+use super::versions::TaskStandards;
 use crate::domain::feature::{FeatureKey, depends_on_camera};
-use crate::domain::standard::{StandardDefinition, Target, ValueToJudge};
+use crate::domain::standard::{Target, ValueToJudge};
 use crate::domain::trainee::Handedness;
 use crate::ids::TraineeId;
 use crate::motion::features::Direction;
@@ -38,20 +39,24 @@ pub struct NumberedSession<'p> {
     pub counts: bool,
     /// The session.
     pub session: &'p PracticeSession,
+    /// The trainee's preferred hand, if known.
+    pub preferred: Option<Handedness>,
 }
 
 impl NumberedSession<'_> {
     /// The session's result and its measurement of a feature.
     fn measurement(&self, of: &FeatureKey) -> Option<(&PracticeResult, &PracticeMeasurement)> {
-        let measurement = self.session.measured.iter().find(|measurement| measurement.of == *of)?;
-        Some((self.session.result.as_ref()?, measurement))
+        let result = self.session.result.as_ref()?;
+        let of = of.in_session(&result.hands, self.preferred)?;
+        let measurement = self.session.measured.iter().find(|measurement| measurement.of == of)?;
+        Some((result, measurement))
     }
 
     /// The measurement in the form that a target judges.
-    pub fn value_to_judge(&self, of: &FeatureKey, handedness: Option<Handedness>) -> Option<ValueToJudge<'_>> {
+    pub fn value_to_judge(&self, of: &FeatureKey) -> Option<ValueToJudge<'_>> {
         let (outcome, PracticeMeasurement { value, bar, is_lower_bound, .. }) = self.measurement(of)?;
         let (value, bar, is_lower_bound) = (*value, *bar, *is_lower_bound);
-        Some(ValueToJudge { value, bar, is_lower_bound, pipeline: &outcome.pipeline, handedness })
+        Some(ValueToJudge { value, bar, is_lower_bound, pipeline: &outcome.pipeline, handedness: self.preferred })
     }
 }
 
@@ -59,12 +64,12 @@ impl NumberedSession<'_> {
 pub fn feature_series(
     of: &FeatureKey,
     sessions: &[NumberedSession<'_>],
-    standard: Option<&StandardDefinition>,
+    standards: &TaskStandards,
     context: &TraineeContext<'_>,
     known: &ComputedCache,
 ) -> FeatureSeries {
-    let target = standard.and_then(|standard| standard.target(of));
-    let points = points(of, sessions, target, context.handedness);
+    let target = standards.current().and_then(|version| version.definition.target(of));
+    let points = points(of, sessions, standards);
     let (place, no_place) = match context.among.map(|among| cohort_rank(of, sessions, context, among)) {
         None => (None, None),
         Some(Ok(place)) => (Some(place), None),
@@ -75,23 +80,14 @@ pub fn feature_series(
     FeatureSeries { of: of.clone(), title, unit, better, target: target.cloned(), points, place, no_place, learning }
 }
 
-/// One point for each session that measured the feature.
-pub fn points(
-    of: &FeatureKey,
-    sessions: &[NumberedSession<'_>],
-    target: Option<&Target>,
-    handedness: Option<Handedness>,
-) -> Vec<SeriesPoint> {
-    sessions.iter().filter_map(|session| point(session, of, target, handedness)).collect()
+/// One point for each session that measured the feature, judged by the version of its day.
+pub fn points(of: &FeatureKey, sessions: &[NumberedSession<'_>], standards: &TaskStandards) -> Vec<SeriesPoint> {
+    sessions.iter().filter_map(|session| point(session, of, standards)).collect()
 }
 
-fn point(
-    session: &NumberedSession<'_>,
-    of: &FeatureKey,
-    target: Option<&Target>,
-    handedness: Option<Handedness>,
-) -> Option<SeriesPoint> {
-    let judged = session.value_to_judge(of, handedness)?;
+fn point(session: &NumberedSession<'_>, of: &FeatureKey, standards: &TaskStandards) -> Option<SeriesPoint> {
+    let judged = session.value_to_judge(of)?;
+    let target = standards.target_at(session.session.created_at_ms, of);
     let [low, high] = judged.bar.map_or([None; 2], |bar| bar.map(Some));
     let judgement = target.map(|target| target.judge(judged));
     let ValueToJudge { value, is_lower_bound, .. } = judged;
@@ -107,14 +103,14 @@ fn cohort_rank(
 ) -> Result<CohortRank, Withheld> {
     let newest = sessions.iter().rev().filter(|session| session.counts).find_map(|session| {
         let (outcome, _) = session.measurement(of)?;
-        let measured = session.value_to_judge(of, None)?.measured()?;
+        let measured = session.value_to_judge(of)?.measured()?;
         Some((session.number, outcome, measured))
     });
     let (session, outcome, measured) =
         newest.ok_or(NoAnswer::TooFew { of: "measured sessions", found: 0, needed: 1 })?;
-    if of.tool.is_some() && context.handedness.is_none() {
-        let detail =
-            "the trainee's preferred hand is unknown, and a tool's feature is compared among people of the same hand";
+    if of.needs_same_preference() && context.handedness.is_none() {
+        let detail = "the trainee's preferred hand is unknown, and a feature of one hand is compared among people who \
+                      prefer the same hand";
         return Err(Withheld { reason: "hand_unknown".to_owned(), detail: detail.to_owned(), missing: None });
     }
     let like = ComparableWith {
@@ -145,7 +141,7 @@ fn learning_answer(
     known: &ComputedCache,
 ) -> LearningAnswer {
     let value = |session: &NumberedSession<'_>| {
-        let MeasuredValue { value, .. } = session.value_to_judge(of, None)?.measured()?;
+        let MeasuredValue { value, .. } = session.value_to_judge(of)?.measured()?;
         Some(NumberedValue { number: session.number as u32, value })
     };
     let camera = |session: &NumberedSession<'_>| session.measurement(of).map(|(outcome, _)| outcome.calibration);

@@ -5,8 +5,10 @@ use serde_json::json;
 use super::answer::{PassedBy, ProgressAnswer, RuleStanding, SetAside, StandingName, TrialName};
 use super::{Cohorts, ProgressSelection};
 use crate::domain::edit::EditChange;
+use crate::domain::hand::Hand;
 use crate::domain::scope::Scope;
 use crate::domain::session::FeatureRow;
+use crate::domain::standard::StandardStart;
 use crate::domain::text::{Key, Remark};
 use crate::ids::TraineeId;
 use crate::store::EditBasis;
@@ -22,7 +24,7 @@ pub(super) async fn with_standard(rule: serde_json::Value) -> (TestCentre, Cohor
     let new = serde_json::from_value(json!({"targets": [target], "rule": rule})).unwrap();
     let proposal = cohorts.propose(&Scope::service(), centre.task.id, new).await.unwrap();
     let definition = proposal.definition().unwrap();
-    centre.store.standards().add(&Scope::service(), centre.task.id, definition).await.unwrap();
+    centre.store.standards().add(&Scope::service(), centre.task.id, definition, None).await.unwrap();
     (centre, cohorts)
 }
 
@@ -163,4 +165,137 @@ async fn a_curve_along_the_cameras_axes_is_of_one_camera() {
     assert_eq!(learning("duration").await.curve.unwrap().sessions, 9);
     let depth = learning("depth_travelled").await;
     assert_eq!((depth.curve, depth.withheld.unwrap().missing), (None, Some(3)), "three with the newest camera");
+}
+
+/// Sets a version of the task's standard: at most `limit` s, twice in a row.
+async fn set_limit(centre: &TestCentre, cohorts: &Cohorts, limit: f64, start: Option<StandardStart>) {
+    let target = json!({"feature": "duration", "by": {"method": "fixed", "limit": limit, "unit": "s"}});
+    let new = serde_json::from_value(json!({"targets": [target], "rule": {"in_a_row": 2}})).unwrap();
+    let proposal = cohorts.propose(&Scope::service(), centre.task.id, new).await.unwrap();
+    let definition = proposal.definition().unwrap();
+    centre.store.standards().add(&Scope::service(), centre.task.id, definition, start).await.unwrap();
+}
+
+/// The outcome and the judging version of each session.
+fn outcomes(answer: &ProgressAnswer) -> Vec<(Option<TrialName>, Option<i64>)> {
+    answer.sessions.iter().map(|step| (step.trial, step.standard)).collect()
+}
+
+#[tokio::test]
+async fn a_new_version_judges_only_what_arrives_later_and_takes_nothing_back() {
+    let (centre, cohorts) = with_standard(json!({"in_a_row": 2})).await;
+    let ana = centre.trainee("Ana").await.id;
+    for day in 0..2 {
+        centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(40.0, 1.0)]).await;
+    }
+    let earned = progress(&cohorts).await.passed.unwrap();
+    assert_eq!((earned.standard, earned.session), (1, 2));
+    centre.clock.advance(std::time::Duration::from_secs(60));
+    for limit in [10.0, 5.0] {
+        set_limit(&centre, &cohorts, limit, None).await;
+        centre.clock.advance(std::time::Duration::from_secs(60));
+    }
+    let after = progress(&cohorts).await;
+    assert_eq!(after.passed.as_ref(), Some(&earned), "what was earned stays");
+    let passed = (Some(TrialName::Passed), Some(1));
+    assert_eq!(outcomes(&after), [passed, passed]);
+    assert_eq!(after.rule.unwrap().have_in_a_row, Some(0), "the new version begins with its own sessions");
+    // 7 s would have met version 2, but version 3 judges it.
+    centre.practised(ana, NOW_MS + 2 * DAY_MS, vec![duration(7.0, 0.1)]).await;
+    let third = progress(&cohorts).await;
+    assert_eq!(outcomes(&third)[2], (Some(TrialName::Failed), Some(3)));
+    for day in 3..5 {
+        centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(4.0, 0.1)]).await;
+    }
+    let again = progress(&cohorts).await.passed.unwrap();
+    assert_eq!((again.standard, again.session, again.sessions), (3, 5, vec![4, 5]));
+}
+
+#[tokio::test]
+async fn an_easier_version_does_not_pass_earlier_sessions_unless_it_says_so() {
+    let (centre, cohorts) = with_standard(json!({"in_a_row": 2})).await;
+    let ana = centre.trainee("Ana").await.id;
+    for day in 0..2 {
+        centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(60.0, 1.0)]).await;
+    }
+    centre.clock.advance(std::time::Duration::from_secs(60));
+    set_limit(&centre, &cohorts, 100.0, None).await;
+    assert_eq!(progress(&cohorts).await.passed, None);
+    set_limit(&centre, &cohorts, 100.0, Some(StandardStart::Beginning)).await;
+    let passed = progress(&cohorts).await.passed.unwrap();
+    assert_eq!((passed.standard, passed.session), (3, 2), "a version for all sessions, set on purpose");
+}
+
+#[tokio::test]
+async fn the_effect_names_the_trainees_whose_state_would_change_and_changes_nothing() {
+    let (centre, cohorts) = with_standard(json!({"in_a_row": 2})).await;
+    let (ana, ben) = (centre.trainee("Ana").await.id, centre.trainee("Ben").await.id);
+    for day in 0..2 {
+        centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(60.0, 1.0)]).await;
+        centre.practised(ben, NOW_MS + day * DAY_MS, vec![duration(40.0, 1.0)]).await;
+    }
+    centre.clock.advance(std::time::Duration::from_secs(60));
+    let target = json!({"feature": "duration", "by": {"method": "fixed", "limit": 100.0, "unit": "s"}});
+    let new = json!({"targets": [target], "rule": {"in_a_row": 2}});
+    let new = serde_json::from_value(new).unwrap();
+    let definition = cohorts.propose(&Scope::service(), centre.task.id, new).await.unwrap().definition().unwrap();
+    let service = Scope::service();
+    let effect = |start| cohorts.effect(&service, centre.task.id, definition.clone(), start);
+    let from_now = effect(None).await.unwrap();
+    let names = |effect: &super::StandardEffect| -> Vec<String> {
+        effect.trainees.iter().map(|touched| touched.name.clone()).collect()
+    };
+    assert_eq!(names(&from_now), ["Ben"], "a met rule begins anew, an open one without passes does not change");
+    let ben = &from_now.trainees[0];
+    assert_eq!((ben.before.passed, ben.after.passed, ben.judged_anew), (Some(1), Some(1), 0), "and stays passed");
+    let of_all = effect(Some(StandardStart::Beginning)).await.unwrap();
+    assert_eq!(names(&of_all), ["Ana", "Ben"]);
+    let ana = &of_all.trainees[0];
+    assert_eq!((ana.before.passed, ana.after.passed, ana.judged_anew), (None, Some(2), 2));
+    assert_eq!(of_all.valid_from, None);
+    assert_eq!(centre.store.standards().of_tasks(&Scope::service(), &[centre.task.id]).await.unwrap().len(), 1);
+}
+
+/// The feature of a tool, and the quality document of two tools whose trocars are at these places.
+fn two_tools(values: [(&str, f64); 2], places: [[f64; 3]; 2]) -> (Vec<FeatureRow>, serde_json::Value) {
+    let row = |(tool, value): (&str, f64)| FeatureRow {
+        tool: Some(tool.to_owned()),
+        name: "path_length".to_owned(),
+        unit: "mm".to_owned(),
+        ..duration(value, 1.0)
+    };
+    let tool = |((tool, _), at_mm): (&(&str, f64), [f64; 3])| json!({"tool": tool, "fulcrum": {"at_mm": at_mm, "covariance_mm2": [4, 0, 0, 4, 0, 9]}});
+    let tools: Vec<_> = values.iter().zip(places).map(tool).collect();
+    (values.map(row).into(), json!({"frames": 300, "tools": tools}))
+}
+
+#[tokio::test]
+async fn a_limit_for_a_hand_holds_in_every_box_and_is_not_judged_where_the_hand_is_unknown() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let cohorts = Cohorts::new(centre.store.clone(), centre.clock.clone());
+    let by = json!({"method": "fixed", "limit": 100, "unit": "mm"});
+    let target = json!({"feature": "path_length", "in_hand": "left", "by": by});
+    let new = serde_json::from_value(json!({"targets": [target]})).unwrap();
+    let definition = cohorts.propose(&Scope::service(), centre.task.id, new).await.unwrap().definition().unwrap();
+    centre.store.standards().add(&Scope::service(), centre.task.id, definition, None).await.unwrap();
+    let ana = centre.trainee("Ana").await.id;
+    let (left, right) = ([-60.0, 5.0, 300.0], [60.0, -5.0, 300.0]);
+    // The tool in the left hand is short in two boxes with other names, and long when the tools are exchanged.
+    for (day, values, places) in [
+        (0, [("orange", 50.0), ("cyan", 150.0)], [left, right]),
+        (1, [("scissors", 150.0), ("grasper", 50.0)], [right, left]),
+        (2, [("orange", 150.0), ("cyan", 50.0)], [left, right]),
+        (3, [("orange", 50.0), ("cyan", 50.0)], [[0.0, -60.0, 300.0], [1.0, 60.0, 300.0]]), // one above the other
+        (4, [("orange", 50.0), ("cyan", 50.0)], [[0.0, 0.0, 300.0], [5.0, 0.0, 300.0]]),    // within their errors
+    ] {
+        let (features, quality) = two_tools(values, places);
+        centre.practised_as(ana, NOW_MS + day * DAY_MS, features, quality).await;
+    }
+    let answer = progress(&cohorts).await;
+    let trials: Vec<_> = answer.sessions.iter().map(|step| step.trial).collect();
+    use TrialName::{Failed, Passed, Unknown};
+    assert_eq!(trials, [Passed, Passed, Failed, Unknown, Unknown].map(Some));
+    let points: Vec<_> = answer.features[0].points.iter().map(|point| point.value).collect();
+    assert_eq!(points, [50.0, 50.0, 150.0].map(Some), "only sessions whose hand is known");
+    assert_eq!(answer.features[0].of.in_hand, Some(Hand::Left));
 }

@@ -1,13 +1,13 @@
-//! Judges a trainee's sessions against a standard: passes and misses, pass rule, charts, reminders.
+//! Judges a trainee's sessions against one version of a standard: passes and misses, pass rule, charts, reminders.
 
 use super::answer::{
     ChartEvent, ChartPoint, Charts, EventName, PassedBy, Refresher, RefresherState, RuleStanding, RuleState,
     StandingName, TaskPassed,
 };
 use super::series::NumberedSession;
+use super::versions::StandardVersion;
 use crate::domain::session::SessionStatus;
 use crate::domain::standard::{ChartDesign, StandardDefinition, StandardRule, Target};
-use crate::domain::trainee::Handedness;
 use crate::statistics::TrialOutcome;
 use crate::statistics::lc_cusum::{CompetenceEvent, CompetenceHistory, LcCusumMonitor, LcCusumPoint, Standing};
 use crate::statistics::pass_rule::{self, PassRule};
@@ -16,10 +16,14 @@ use crate::statistics::standard::TargetJudgement;
 use crate::store::PracticeSession;
 use crate::time::to_rfc3339;
 
-/// The judgement of a standard on the sessions.
-pub struct Verdicts {
+/// The judgement of one version of a standard on the sessions that arrived while it was valid.
+pub struct Verdicts<'p> {
+    /// The version: 1, 2, … within the task.
+    pub version: i64,
+    /// The sessions, in the order of arrival.
+    sessions: Vec<NumberedSession<'p>>,
     /// One per session, up to the last session with a result.
-    pub trials: Vec<TrialOutcome>,
+    trials: Vec<TrialOutcome>,
     /// State of the pass rule, if there is one.
     pub rule: Option<RuleState>,
     /// The charts.
@@ -30,16 +34,14 @@ pub struct Verdicts {
     counted_passes: Vec<usize>,
 }
 
-impl Verdicts {
-    /// Judges the sessions in order. `sessions` must not contain sessions that are set aside, because they are no
-    /// trials.
-    pub fn of(
-        definition: &StandardDefinition,
-        monitor: &LcCusumMonitor,
-        sessions: &[NumberedSession<'_>],
-        handedness: Option<Handedness>,
-    ) -> Self {
-        let trials = trials(definition, sessions, handedness);
+impl<'p> Verdicts<'p> {
+    /// Judges those of the sessions that count for this version, in order. `sessions` must not contain sessions that are
+    /// set aside, because they are no trials.
+    pub fn of(version: &StandardVersion, sessions: &[NumberedSession<'p>]) -> Self {
+        let StandardVersion { definition, monitor, .. } = version;
+        let counted = sessions.iter().filter(|session| version.counts(session.session.created_at_ms));
+        let sessions: Vec<NumberedSession<'p>> = counted.copied().collect();
+        let trials = trials(definition, &sessions);
         let numbers: Vec<usize> = sessions.iter().map(|session| session.number).collect();
         let followed = definition.rule.map(|rule| (rule, PassRule::from(rule).evaluate(&trials)));
         let career = monitor.follow(&trials);
@@ -66,21 +68,45 @@ impl Verdicts {
             None => Vec::new(),
         };
         let rule = followed.and_then(|(rule, followed)| Some(rule_state(rule, followed.ok()?, &numbers)));
-        Self { charts: charts(definition.charts, monitor, &career, &numbers), trials, rule, proficient, counted_passes }
+        let charts = charts(definition.charts, monitor, &career, &numbers);
+        Self { version: version.version, sessions, trials, rule, charts, proficient, counted_passes }
+    }
+
+    /// The judgement under which the task is passed: the newest, of versions given newest first. `None` if none is, or
+    /// after a relapse under a newer version.
+    pub fn earned<'v>(newest_first: impl Iterator<Item = &'v Self>) -> Option<&'v Self>
+    where
+        'p: 'v,
+    {
+        for verdicts in newest_first {
+            if verdicts.proficient.is_some() {
+                return Some(verdicts);
+            }
+            if verdicts.charts.standing == StandingName::Relapsed {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// The sessions with their outcomes, up to the last session with a result.
+    pub fn outcomes(&self) -> impl Iterator<Item = (&NumberedSession<'p>, TrialOutcome)> {
+        self.sessions.iter().zip(self.trials.iter().copied())
     }
 
     /// When the task was passed, and the criterion.
-    pub fn passed(&self, sessions: &[NumberedSession<'_>]) -> Option<TaskPassed> {
+    pub fn passed(&self) -> Option<TaskPassed> {
         let (index, by) = self.proficient?;
-        let session = sessions.get(index)?;
-        let made_of = self.counted_passes.iter().filter_map(|index| sessions.get(*index)).map(|session| session.number);
+        let session = self.sessions.get(index)?;
+        let made_of = self.counted_passes.iter().filter_map(|index| self.sessions.get(*index));
+        let sessions = made_of.map(|session| session.number).collect();
         let at = to_rfc3339(session.session.recorded_at_ms);
-        Some(TaskPassed { by, session: session.number, at, sessions: made_of.collect() })
+        Some(TaskPassed { by, standard: self.version, session: session.number, at, sessions })
     }
 
-    /// The refreshers and their current states.
+    /// The refreshers and their current states, with all sessions as practice.
     pub fn reminders(&self, sessions: &[NumberedSession<'_>], now_ms: i64) -> Vec<Refresher> {
-        let Some(since) = self.proficient.and_then(|(index, _)| sessions.get(index)) else { return Vec::new() };
+        let Some(since) = self.proficient.and_then(|(index, _)| self.sessions.get(index)) else { return Vec::new() };
         let counted = sessions.iter().filter(|session| session.counts).map(|session| session.session.recorded_at_ms);
         let practised: Vec<i64> = counted.collect();
         let answer = |reminder: reminder::Reminder| {
@@ -97,11 +123,7 @@ impl Verdicts {
 
 /// The outcome of each session, up to the last session with a result. Earlier sessions that are not tracked yet are
 /// unknown, because they may be misses; later ones are left out.
-fn trials(
-    definition: &StandardDefinition,
-    sessions: &[NumberedSession<'_>],
-    handedness: Option<Handedness>,
-) -> Vec<TrialOutcome> {
+fn trials(definition: &StandardDefinition, sessions: &[NumberedSession<'_>]) -> Vec<TrialOutcome> {
     let pending = |session: &NumberedSession<'_>| {
         let PracticeSession { result, status, .. } = session.session;
         result.is_none() && *status != SessionStatus::Failed
@@ -112,7 +134,7 @@ fn trials(
             return TrialOutcome::Unknown;
         }
         let judged = |target: &Target| {
-            let judged = session.value_to_judge(&target.of, handedness);
+            let judged = session.value_to_judge(&target.of);
             judged.map_or(TargetJudgement::NotMeasured, |judged| target.judge(judged).into())
         };
         TrialOutcome::of_all(&definition.targets.iter().map(judged).collect::<Vec<_>>())

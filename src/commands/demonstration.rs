@@ -189,7 +189,7 @@ impl DemonstrationBuilder {
         let service = Scope::service();
         let task = self.store.tasks().get(&service, &Key::from(TASKS[0].0.name())).await?;
         let proposal = self.cohorts.propose(&service, task.id, serde_json::from_str(STANDARD)?).await?;
-        self.store.standards().add(&service, task.id, proposal.definition()?).await?;
+        self.store.standards().add(&service, task.id, proposal.definition()?, None).await?;
         let everybody = serde_json::from_str(r#"{"name": "Everybody"}"#)?;
         self.store.cohorts().create(&service, everybody).await?;
         Ok(())

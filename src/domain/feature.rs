@@ -3,19 +3,24 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::hand::{Hand, ToolHands};
 use super::session::{FeatureRow, FeatureSpace};
 use super::text::Invalid;
+use super::trainee::Handedness;
 use crate::motion::features::path_error::{PathBar, PathError};
 use crate::motion::features::{self, Family, Feature, FeatureSettings, Space, UnknownFeature, path};
 
-/// One feature of a session: of one tool, or of the session as a whole, in one space.
+/// One feature of a session: of one tool, of one hand, or of the session as a whole, in one space.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
 pub struct FeatureKey {
     /// Stable name, such as `path_length`.
     #[schema(value_type = String)]
     pub feature: &'static Feature,
-    /// The tool's marker; `null` for a feature of the whole session.
+    /// The tool's marker; `null` for a feature of a hand or of the whole session.
     pub tool: Option<String>,
+    /// The hand that holds the tool, with any marker; `null` for a feature of a tool or of the whole session.
+    #[serde(default)]
+    pub in_hand: Option<Hand>,
     /// Where it was measured.
     pub space: FeatureSpace,
 }
@@ -41,7 +46,38 @@ impl From<&FeatureRow> for StoredFeatureKey {
 
 impl PartialEq<FeatureKey> for StoredFeatureKey {
     fn eq(&self, key: &FeatureKey) -> bool {
-        self.feature == key.feature.name && self.tool == key.tool && self.space == key.space
+        key.in_hand.is_none() && self.feature == key.feature.name && self.tool == key.tool && self.space == key.space
+    }
+}
+
+impl FeatureKey {
+    /// A feature of the session as a whole.
+    pub fn of_session(feature: &'static Feature, space: FeatureSpace) -> Self {
+        Self { feature, tool: None, in_hand: None, space }
+    }
+
+    /// A feature of the tool with this marker; of the session as a whole without one.
+    pub fn of_tool(feature: &'static Feature, tool: Option<String>, space: FeatureSpace) -> Self {
+        Self { feature, tool, in_hand: None, space }
+    }
+
+    /// True for a feature of one tool or hand, false for one of the session as a whole.
+    pub fn is_of_one_hand(&self) -> bool {
+        self.tool.is_some() || self.in_hand.is_some()
+    }
+
+    /// True if values of people who prefer different hands must not be compared: the feature's tool is in the preferred
+    /// hand of some and in the other hand of others.
+    pub fn needs_same_preference(&self) -> bool {
+        self.tool.is_some() || matches!(self.in_hand, Some(Hand::Left | Hand::Right))
+    }
+
+    /// The key in a session with these hands, of a trainee with this preferred hand: a hand is replaced by the tool
+    /// that was in it. `None` if that tool is unknown.
+    pub fn in_session(&self, hands: &ToolHands, preferred: Option<Handedness>) -> Option<FeatureKey> {
+        let Some(hand) = self.in_hand else { return Some(self.clone()) };
+        let tool = hands.tool(hand, preferred)?.to_owned();
+        Some(Self::of_tool(self.feature, Some(tool), self.space))
     }
 }
 
@@ -163,16 +199,35 @@ mod tests {
 
     #[test]
     fn a_key_is_read_and_written_by_name_and_an_unknown_name_is_an_error() {
-        let key = FeatureKey { feature: &path::SPREAD, tool: Some("red".into()), space: FeatureSpace::Image };
-        let written = json!({"feature": "spread", "tool": "red", "space": "image"});
+        let key = FeatureKey::of_tool(&path::SPREAD, Some("red".into()), FeatureSpace::Image);
+        let written = json!({"feature": "spread", "tool": "red", "in_hand": null, "space": "image"});
         assert_eq!(json!(key), written);
-        assert_eq!(serde_json::from_value::<FeatureKey>(written.clone()).unwrap(), key);
-        assert_eq!(serde_json::from_value::<StoredFeatureKey>(written).unwrap(), key);
+        let before_hands = json!({"feature": "spread", "tool": "red", "space": "image"});
+        assert_eq!(serde_json::from_value::<FeatureKey>(before_hands.clone()).unwrap(), key);
+        assert_eq!(serde_json::from_value::<StoredFeatureKey>(before_hands).unwrap(), key);
         let unknown = json!({"feature": "wizardry", "tool": null, "space": "3d"});
         let error = serde_json::from_value::<FeatureKey>(unknown).unwrap_err().to_string();
         assert_eq!(error, "`wizardry` is not a feature");
         let refused = Invalid::from(features::find("wizardry").unwrap_err()).to_string();
         assert_eq!(refused, "feature: `wizardry` is not a feature; see GET /api/v1/features");
+    }
+
+    #[test]
+    fn a_hand_is_the_tool_that_was_in_it_on_each_box() {
+        let of_hand = |hand| FeatureKey {
+            in_hand: Some(hand),
+            ..FeatureKey::of_session(&path::PATH_LENGTH, FeatureSpace::Space3d)
+        };
+        let hands = |left: &str, right: &str| ToolHands { left: Some(left.to_owned()), right: Some(right.to_owned()) };
+        let prefers = Some(Handedness::Right);
+        for (hands, tool) in [(hands("orange", "cyan"), "cyan"), (hands("grasper", "scissors"), "scissors")] {
+            let key = of_hand(Hand::Dominant).in_session(&hands, prefers).unwrap();
+            assert_eq!(key, FeatureKey::of_tool(&path::PATH_LENGTH, Some(tool.to_owned()), FeatureSpace::Space3d));
+        }
+        assert_eq!(of_hand(Hand::Dominant).in_session(&hands("orange", "cyan"), None), None);
+        assert_eq!(of_hand(Hand::Left).in_session(&ToolHands::default(), prefers), None);
+        let whole = FeatureKey::of_session(&path::PATH_LENGTH, FeatureSpace::Space3d);
+        assert_eq!(whole.in_session(&ToolHands::default(), None), Some(whole));
     }
 
     #[test]

@@ -13,6 +13,7 @@
 //! | [`enrolment`] | a list of trainees to enrol, checked row by row |
 //! | [`task`] | an exercise's description |
 //! | [`feature`] | the list of features, and the key of one of them |
+//! | [`hand`] | the hand that a limit is for, and the tools in a session's hands |
 //! | [`evidence`] | the seconds of a recording that made a session's features |
 //! | [`advice`] | what to work on next, by rules |
 //! | [`rating`] | rating forms, and instructors' marks on them |
@@ -56,6 +57,7 @@ pub mod evidence;
 pub mod feature;
 pub mod feed;
 pub mod files;
+pub mod hand;
 pub mod job;
 pub mod palette;
 pub mod password_state;

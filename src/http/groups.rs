@@ -14,6 +14,7 @@ use super::state::App;
 use super::tasks::{StandardResponse, TaskResponse};
 use super::trainees::TraineeResponse;
 use crate::cohorts::{GroupTable, GroupTableAnswer, ProgressSelection};
+use crate::domain::hand::Hand;
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::{Key, Name};
 use crate::ids::GroupId;
@@ -98,6 +99,8 @@ pub struct GroupTableQuery {
     feature: Option<String>,
     /// The tool; default: the first that has the feature.
     tool: Option<String>,
+    /// The hand that holds the tool.
+    in_hand: Option<Hand>,
     /// The space of the feature; default: three dimensions, if the feature is measured there.
     space: Option<FeatureSpace>,
 }
@@ -127,8 +130,8 @@ pub async fn progress(
     at: PathKey,
     Params(of): Params<GroupTableQuery>,
 ) -> HandlerResult<Json<GroupProgress>> {
-    let GroupTableQuery { task, feature, tool, space } = of;
-    let asked = ProgressSelection { task: Some(task), feature, tool, space, cohort: None };
+    let GroupTableQuery { task, feature, tool, in_hand, space } = of;
+    let asked = ProgressSelection { task: Some(task), feature, tool, in_hand, space, cohort: None };
     let GroupTableAnswer { group, task, standard, table, trainees } =
         app.cohorts.group_table(&by.scope, at.id()?, asked).await?;
     Ok(Json(GroupProgress {

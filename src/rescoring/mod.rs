@@ -110,7 +110,10 @@ async fn compare_results(store: &Store, item: &EndedItem) -> StoreResult<Result<
         None => None,
     };
     let judged = standard.map(|standard| {
-        [&old, &new].map(|result| standard.definition.judge(&result.features, &result.versions.pipeline, hand))
+        [&old, &new].map(|result| {
+            let definition = standard.definition.in_session(&result.hands, hand);
+            definition.judge(&result.features, &result.versions.pipeline, hand)
+        })
     });
     let apart = changes.iter().filter(|change| change.change == FeatureChangeKind::Apart).count();
     Ok(Ok(ResultComparison { new_result: new.id, judged, apart: apart as u64, changed: changes.len() as u64 }))

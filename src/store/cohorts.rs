@@ -5,14 +5,12 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::audit::note;
-use super::columns::FeatureColumn;
 use super::error::{StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
 use super::visibility::{BindScope, require_administrator};
 use super::{Scope, Store, codes};
 use crate::domain::cohort::NewCohort;
 use crate::domain::feature::FeatureKey;
-use crate::domain::session::FeatureSpace;
 use crate::domain::text::{Code, Key, Name};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{CalibrationId, CohortId, GroupId, TaskId, TraineeId};
@@ -63,8 +61,7 @@ pub struct CohortValue {
     pub value: f64,
 }
 
-type CohortValueRow =
-    (TraineeId, Option<Handedness>, CalibrationId, String, FeatureColumn, Option<String>, FeatureSpace, Json<Vec<f64>>);
+type CohortValueRow = (TraineeId, Option<Handedness>, CalibrationId, String, Json<FeatureKey>, Json<Vec<f64>>);
 
 const SELECT_COHORTS: &str = "
     SELECT cohort.*, (SELECT count(*) FROM cohort_person WHERE cohort_id = cohort.id
@@ -88,10 +85,11 @@ const SELECT_MEMBERS: &str = "
 /// features `$6` (a JSON array of keys), without lower bounds. The people are those of cohort `$3` in the scope; if
 /// `$3` is NULL, all in the scope. It goes from each person to their sessions and to each session's current result,
 /// along indices only. Each person is one row, because returning rows from SQLite costs more than building them there.
-/// Sessions that were measured by another program or do not count are left out.
+/// Sessions that were measured by another program or do not count are left out. For a key of a hand, each session's
+/// value is that of the tool that was in the hand; sessions whose hands are unknown are left out.
 pub(super) const SELECT_VALUES: &str = "
     SELECT member.id, member.handedness, result.calibration_id, result.pipeline,
-           feature.name, feature.tool, feature.space, json_group_array(feature.value)
+           wanted.value, json_group_array(feature.value)
     FROM (SELECT trainee.id, trainee.handedness FROM trainee
           WHERE ($3 IS NULL OR EXISTS (SELECT 1 FROM cohort_person WHERE cohort_id = $3 AND trainee_id = trainee.id))
             AND ($1 = 'administrator'
@@ -108,10 +106,17 @@ pub(super) const SELECT_VALUES: &str = "
     CROSS JOIN json_each($6) AS wanted
     CROSS JOIN feature INDEXED BY feature_named
         ON feature.name = wanted.value ->> 'feature' AND feature.result_id = result.id
-        AND feature.tool IS wanted.value ->> 'tool' AND feature.space = wanted.value ->> 'space'
+        AND feature.space = wanted.value ->> 'space'
+        AND iif(wanted.value ->> 'in_hand' IS NULL, feature.tool IS wanted.value ->> 'tool',
+                feature.tool = CASE wanted.value ->> 'in_hand'
+                    WHEN 'left' THEN result.left_tool WHEN 'right' THEN result.right_tool
+                    WHEN 'dominant' THEN CASE member.handedness WHEN 'left' THEN result.left_tool
+                                                                WHEN 'right' THEN result.right_tool END
+                    WHEN 'other' THEN CASE member.handedness WHEN 'left' THEN result.right_tool
+                                                             WHEN 'right' THEN result.left_tool END END)
     WHERE feature.value IS NOT NULL AND (feature.low IS NULL OR feature.high IS NOT NULL)
       AND result.calibration_id IS NOT NULL
-    GROUP BY member.id, result.calibration_id, result.pipeline, feature.name, feature.tool, feature.space";
+    GROUP BY member.id, result.calibration_id, result.pipeline, wanted.key";
 
 const SELECT_CODE: &str = "SELECT 1 FROM cohort WHERE code = $1";
 
@@ -232,10 +237,9 @@ impl CohortStore<'_> {
         let rows = sqlx::query_as::<_, CohortValueRow>(SELECT_VALUES).bind_scope(scope).bind(cohort).bind(task);
         let rows = rows.bind(sessions).bind(Json(features)).bind(MAX_COMPARED);
         let mut found = Vec::new();
-        for (trainee, handedness, calibration, pipeline, FeatureColumn(feature), tool, space, Json(values)) in
+        for (trainee, handedness, calibration, pipeline, Json(of), Json(values)) in
             rows.fetch_all(self.0.readers()).await?
         {
-            let of = FeatureKey { feature, tool, space };
             let row = |value| CohortValue {
                 trainee,
                 handedness,

@@ -16,7 +16,7 @@
 //! | [`Store::password_links`] | `create` `list` `withdraw` `look_up` `set_password` |
 //! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `audience` `groups` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `changeable` `change` `delete` |
-//! | [`Store::standards`] | `add` `in_use` `in_use_of` `get` `list` |
+//! | [`Store::standards`] | `add` `newest` `in_use` `at` `of_tasks` `get` `list` |
 //! | [`Store::cohorts`] | `create` `list` `get` `members` `replace` `delete` `values` `values_seen` |
 //! | [`Store::courses`] | `create` `list` `get` `changeable` `of` `replace` `delete` `follow` `unfollow` `of_trainee` |
 //! | [`Store::skill_models`] | `add` `in_use` `get` `list` `declared` |
@@ -26,7 +26,7 @@
 //! | [`Store::self_tests`] | `list` `light_since` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
-//! | [`Store::sessions`] | `create` `list` `get` `shared` `retry` `erase` `result` `result_with_edits` `evidence` `practice` `practice_of_many` `trainee_tasks` `last_task` `refused_since` `unrated_since` |
+//! | [`Store::sessions`] | `create` `list` `get` `shared` `retry` `erase` `result` `result_with_edits` `evidence` `practice` `practice_of_many` `trainee_tasks` `trainees_of_task` `last_task` `refused_since` `unrated_since` |
 //! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |

@@ -243,7 +243,7 @@ impl RatingStore<'_> {
                 handedness,
                 pipeline,
                 calibration,
-                of: FeatureKey { feature: features::find(&name).ok()?, tool, space },
+                of: FeatureKey::of_tool(features::find(&name).ok()?, tool, space),
                 value,
             })
         };

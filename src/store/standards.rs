@@ -1,4 +1,5 @@
-//! Versions of the tasks' standards: added, never changed. The latest is the one in use.
+//! Versions of the tasks' standards: added, never changed. Each is valid from a time on, for the recordings that arrive
+//! from then on; the latest of those that are valid is in use.
 
 use sqlx::types::Json;
 
@@ -6,7 +7,7 @@ use super::audit::note;
 use super::error::{StoreResult, missing, not_found};
 use super::visibility::BindScope;
 use super::{Scope, Store};
-use crate::domain::standard::StandardDefinition;
+use crate::domain::standard::{StandardDefinition, StandardStart};
 use crate::domain::text::Key;
 use crate::ids::{StandardId, TaskId};
 
@@ -29,53 +30,90 @@ pub struct StandardRecord {
     pub who: Option<String>,
     /// When it was set, epoch ms.
     pub created_at_ms: i64,
+    /// It judges the recordings that arrived from then on, epoch ms; 0: all.
+    pub valid_from_ms: i64,
+}
+
+impl StandardRecord {
+    /// Of a task's versions the one that judges a recording that arrived at this time, epoch ms.
+    pub fn valid_at(versions: &[Self], arrived_ms: i64) -> Option<&Self> {
+        versions.iter().filter(|version| version.valid_from_ms <= arrived_ms).max_by_key(|version| version.version)
+    }
 }
 
 pub(super) const SELECT_STANDARDS: &str = "
     SELECT * FROM standard_record WHERE task_id = $3 AND $1 <> 'agent' ORDER BY version DESC LIMIT $4";
 
-const SELECT_STANDARDS_IN_USE: &str = "
+const SELECT_STANDARDS_OF_TASKS: &str = "
     SELECT * FROM standard_record
-    WHERE task_id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent'
-      AND version = (SELECT max(latest.version) FROM standard AS latest
-                     WHERE latest.task_id = standard_record.task_id)";
+    WHERE task_id IN (SELECT value FROM json_each($3)) AND $1 <> 'agent' ORDER BY task_id, version DESC";
+
+const SELECT_STANDARD_AT: &str = "
+    SELECT * FROM standard_record WHERE task_id = $3 AND $1 <> 'agent' AND valid_from_ms <= $4
+    ORDER BY version DESC LIMIT 1";
 
 const SELECT_STANDARD: &str = "SELECT * FROM standard_record WHERE id = $3 AND $1 <> 'agent'";
 
 const INSERT_STANDARD: &str = "
-    INSERT INTO standard (id, task_id, version, definition, person_id, created_at_ms)
-    SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5 FROM standard
+    INSERT INTO standard (id, task_id, version, definition, person_id, created_at_ms, valid_from_ms)
+    SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6 FROM standard
     WHERE task_id = $2";
 
 impl StandardStore<'_> {
-    /// Adds a task's next version. If the version in use has the same definition, that one is returned.
-    pub async fn add(&self, scope: &Scope, of: TaskId, definition: StandardDefinition) -> StoreResult<StandardRecord> {
+    /// Adds a task's next version. If the newest version has the same definition and is valid already, that one is
+    /// returned.
+    pub async fn add(
+        &self,
+        scope: &Scope,
+        of: TaskId,
+        definition: StandardDefinition,
+        start: Option<StandardStart>,
+    ) -> StoreResult<StandardRecord> {
         self.0.tasks().changeable(scope, &Key::from(&of)).await?;
-        if let Some(same) = self.in_use(scope, of).await?.filter(|last| last.definition == definition) {
+        let newest = self.newest(scope, of).await?;
+        let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), StandardId::at(self.0.now_ms()));
+        let valid_from_ms = StandardStart::or_usual(start, newest.is_some()).valid_from_ms(now_ms);
+        let is_same = |newest: &StandardRecord| {
+            let is_valid_since = match start {
+                None | Some(StandardStart::Now) => newest.valid_from_ms <= now_ms,
+                Some(_) => newest.valid_from_ms == valid_from_ms,
+            };
+            newest.definition == definition && is_valid_since
+        };
+        if let Some(same) = newest.filter(is_same) {
             return Ok(same);
         }
-        let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), StandardId::at(self.0.now_ms()));
         self.0
             .write(async move |tx| {
                 let insert = sqlx::query(INSERT_STANDARD);
                 let insert = insert.bind(id).bind(of).bind(Json(definition)).bind(by.person()).bind(now_ms);
-                insert.execute(&mut *tx).await.map_err(missing("task"))?;
+                insert.bind(valid_from_ms).execute(&mut *tx).await.map_err(missing("task"))?;
                 note(tx, &by, now_ms, ("create", "standard"), id).await
             })
             .await?;
-        let last = self.in_use(scope, of).await?;
-        last.ok_or(not_found("standard"))
+        self.newest(scope, of).await?.ok_or(not_found("standard"))
     }
 
-    /// The version in use, if the task has one.
-    pub async fn in_use(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<StandardRecord>> {
+    /// The newest version, valid already or not; `None` if the task has none.
+    pub async fn newest(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<StandardRecord>> {
         let row = sqlx::query_as(SELECT_STANDARDS).bind_scope(scope).bind(of).bind(1);
         Ok(row.fetch_optional(self.0.readers()).await?)
     }
 
-    /// The versions in use of those of these tasks that have one.
-    pub async fn in_use_of(&self, scope: &Scope, tasks: &[TaskId]) -> StoreResult<Vec<StandardRecord>> {
-        let rows = sqlx::query_as(SELECT_STANDARDS_IN_USE);
+    /// The version that judges recordings that arrive now, if there is one.
+    pub async fn in_use(&self, scope: &Scope, of: TaskId) -> StoreResult<Option<StandardRecord>> {
+        self.at(scope, of, self.0.now_ms()).await
+    }
+
+    /// The version that judges a recording that arrived at this time, epoch ms; `None` if none was valid then.
+    pub async fn at(&self, scope: &Scope, of: TaskId, arrived_ms: i64) -> StoreResult<Option<StandardRecord>> {
+        let row = sqlx::query_as(SELECT_STANDARD_AT).bind_scope(scope).bind(of).bind(arrived_ms);
+        Ok(row.fetch_optional(self.0.readers()).await?)
+    }
+
+    /// All versions of these tasks, newest first within each task.
+    pub async fn of_tasks(&self, scope: &Scope, tasks: &[TaskId]) -> StoreResult<Vec<StandardRecord>> {
+        let rows = sqlx::query_as(SELECT_STANDARDS_OF_TASKS);
         Ok(rows.bind_scope(scope).bind(Json(tasks)).fetch_all(self.0.readers()).await?)
     }
 

@@ -155,11 +155,24 @@ impl TestCentre {
 
     /// A session that was recorded at this time and tracked, with these features.
     pub async fn practised(&self, trainee: TraineeId, recorded_at_ms: i64, features: Vec<FeatureRow>) -> SessionRecord {
+        self.practised_as(trainee, recorded_at_ms, features, serde_json::json!({ "frames": 300 })).await
+    }
+
+    /// Like [`TestCentre::practised`], with this quality document. The result's tools are those of the features.
+    pub async fn practised_as(
+        &self,
+        trainee: TraineeId,
+        recorded_at_ms: i64,
+        features: Vec<FeatureRow>,
+        quality: serde_json::Value,
+    ) -> SessionRecord {
         let new = self.new_session(trainee, &format!("{trainee} {recorded_at_ms}"));
         let new = NewSession { recorded_at_ms: Some(recorded_at_ms), ..new };
         let session = self.store.sessions().create(&Scope::service(), new).await.unwrap();
         let lease = self.claim().await.unwrap();
-        let result = NewResult { features, ..self.result(session.id).await };
+        let mut tools: Vec<String> = features.iter().filter_map(|row| row.tool.clone()).collect();
+        tools.dedup();
+        let result = NewResult { features, quality, tools, ..self.result(session.id).await };
         self.store.jobs().finish_track(&lease, result).await.unwrap();
         session
     }

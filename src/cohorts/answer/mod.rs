@@ -30,13 +30,14 @@ pub struct ProgressAnswer {
     pub sessions: Vec<SessionStep>,
     /// The requested features over these sessions.
     pub features: Vec<FeatureSeries>,
-    /// State of the standard's pass rule; `null` without a rule.
+    /// State of the pass rule of the standard in use; `null` without a rule. Sessions that arrived before its day do not
+    /// count.
     pub rule: Option<RuleState>,
-    /// The charts; `null` without a standard.
+    /// The charts of the standard in use; `null` without a standard.
     pub charts: Option<Charts>,
     /// Refreshers one and three months after proficiency; none before proficiency, and none after a relapse.
     pub reminders: Vec<Refresher>,
-    /// When the task was passed, and the criterion; `null` before that and after a relapse.
+    /// When the task was passed, under which version, and the criterion; `null` before that and after a relapse.
     pub passed: Option<TaskPassed>,
 }
 
@@ -59,6 +60,8 @@ pub struct SessionStep {
     pub status: SessionStatus,
     /// Why it does not count; `null` if it counts.
     pub set_aside: Option<SetAside>,
+    /// The version of the standard that judges it, that of the day on which it arrived; `null` where `trial` is.
+    pub standard: Option<i64>,
     /// Whether it met the standard; `null` without a standard, and for sessions that are not tracked yet.
     pub trial: Option<TrialName>,
 }

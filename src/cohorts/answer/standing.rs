@@ -114,6 +114,8 @@ pub struct ChartPoint {
 pub struct TaskPassed {
     /// The criterion: the pass rule or the charts.
     pub by: PassedBy,
+    /// The version of the standard that was passed. A later version does not take it back.
+    pub standard: i64,
     /// Number of the session that completed it.
     pub session: usize,
     /// When that session was recorded.

@@ -9,14 +9,13 @@ use utoipa::ToSchema;
 
 use super::answer::{ProgressAnswer as Judged, RuleStanding, RuleState, StandingName};
 use super::progress::{FeatureSelection, ProgressSelection, judge_sessions};
+use super::versions::TaskStandards;
 use super::{Cohorts, CohortsError};
 use crate::domain::named;
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
-use crate::domain::standard::StandardDefinition;
 use crate::domain::text::Key;
 use crate::ids::{CourseId, GroupId, SessionId, TaskId, TraineeId};
-use crate::statistics::lc_cusum::LcCusumMonitor;
 use crate::store::{
     CourseRecord, CourseStep, GroupCoursePlan, GroupRecord, Practice, PracticeSession, StandardRecord, StoreError,
     TraineeCourse, TraineeRecord, TraineeTask,
@@ -159,11 +158,11 @@ impl Cohorts {
         let mut tasks: Vec<TaskId> = course.steps.iter().map(|step| step.task_id).collect();
         tasks.sort();
         tasks.dedup();
-        let standards = self.store.standards().in_use_of(scope, &tasks).await?;
+        let standards = self.store.standards().of_tasks(scope, &tasks).await?;
         let mut columns: Vec<Vec<StepProgress>> = vec![Vec::new(); course.steps.len()];
         for task in tasks {
-            let standard = standards.iter().find(|standard| standard.task_id == task);
-            for (at, column) in self.step_columns(scope, &asking, task, standard, trainees).await? {
+            let versions = standards.iter().filter(|standard| standard.task_id == task).cloned().collect();
+            for (at, column) in self.step_columns(scope, &asking, task, versions, trainees).await? {
                 columns[at] = column;
             }
         }
@@ -180,25 +179,26 @@ impl Cohorts {
         scope: &Scope,
         asking: &CourseContext,
         task: TaskId,
-        standard: Option<&StandardRecord>,
+        versions: Vec<StandardRecord>,
         trainees: &[TraineeRecord],
     ) -> Result<Vec<(usize, Vec<StepProgress>)>, CohortsError> {
         let is_judged = asking.steps.iter().any(|step| step.task_id == task && step.sessions.is_none());
-        let definition = standard.filter(|_| is_judged).map(|standard| standard.definition.clone());
-        let features = match &definition {
-            Some(definition) => FeatureSelection::of(&ProgressSelection::default(), Some(definition))?.features(),
+        let (known, now_ms) = (self.cache.clone(), asking.now_ms);
+        let versions = if is_judged { versions } else { Vec::new() };
+        let standards = self.calculate(move || TaskStandards::of(versions, &known, now_ms)).await?;
+        let features = match standards.current() {
+            Some(_) => FeatureSelection::of(&ProgressSelection::default(), &standards)?.features(),
             None => Vec::new(),
         };
         let pairs: Vec<TraineeTask> = trainees.iter().map(|of| TraineeTask { trainee: of.id, task }).collect();
         let of_each = self.practices(scope, &pairs, &features).await?;
-        let (known, asking, trainees) = (self.cache.clone(), asking.clone(), trainees.to_vec());
+        let (asking, trainees) = (asking.clone(), trainees.to_vec());
         let calculation = move || {
-            let monitor = definition.as_ref().and_then(|definition| known.charts(definition.charts).ok());
-            let standard = definition.as_ref().zip(monitor.as_deref());
             let nothing = Practice { earlier: 0, sessions: Vec::new() };
             let of =
                 |trainee: &TraineeRecord| of_each.get(&TraineeTask { trainee: trainee.id, task }).unwrap_or(&nothing);
-            let judged: Vec<_> = trainees.iter().map(|trainee| asking.judge(of(trainee), standard, trainee)).collect();
+            let judge = |trainee: &TraineeRecord| asking.judge(of(trainee), &standards, trainee);
+            let judged: Vec<_> = trainees.iter().map(judge).collect();
             let steps = asking.steps.iter().enumerate().filter(|(_, step)| step.task_id == task);
             let column = |(at, step)| {
                 let rows = trainees
@@ -221,13 +221,8 @@ impl CourseRow {
 }
 
 impl CourseContext {
-    fn judge(
-        &self,
-        practice: &Practice,
-        standard: Option<(&StandardDefinition, &LcCusumMonitor)>,
-        trainee: &TraineeRecord,
-    ) -> Judged {
-        judge_sessions(practice, standard, trainee.handedness, self.now_ms).1
+    fn judge(&self, practice: &Practice, standards: &TaskStandards, trainee: &TraineeRecord) -> Judged {
+        judge_sessions(practice, standards, trainee.handedness, self.now_ms).1
     }
 
     /// A trainee's progress in a step, from their sessions and the judgement on them.

@@ -94,11 +94,7 @@ fn value(ids: &Ids, person: usize, second: usize, feature: &str, tool: Option<&s
         handedness: Some(if person == 0 { Handedness::Left } else { Handedness::Right }),
         pipeline: "9".to_owned(),
         calibration: CalibrationId::at(1),
-        of: FeatureKey {
-            feature: features::find(feature).unwrap(),
-            tool: tool.map(str::to_owned),
-            space: FeatureSpace::Space3d,
-        },
+        of: FeatureKey::of_tool(features::find(feature).unwrap(), tool.map(str::to_owned), FeatureSpace::Space3d),
         value,
     }
 }

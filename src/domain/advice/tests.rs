@@ -8,7 +8,7 @@ use crate::motion::features::{self, Direction, FEATURES};
 fn key(feature: &str, tool: Option<&str>) -> FeatureKey {
     let feature = features::find(feature).unwrap();
     let space = feature.spaces[0].into();
-    FeatureKey { feature, tool: tool.map(str::to_owned), space }
+    FeatureKey::of_tool(feature, tool.map(str::to_owned), space)
 }
 
 fn target(feature: &str, tool: Option<&str>, better: Better, limit: f64) -> Target {

@@ -39,7 +39,7 @@ pub fn verdict_features() -> Vec<&'static Feature> {
 fn is_for_verdicts(feature: &'static Feature) -> bool {
     let space = FeatureSpace::Space3d;
     feature.spaces.iter().any(|measured| FeatureSpace::from(*measured) == space)
-        && !depends_on_camera(&FeatureKey { feature, tool: None, space })
+        && !depends_on_camera(&FeatureKey::of_session(feature, space))
         && !two_hands::SHARES_OF_A_PAIR.contains(&feature)
 }
 

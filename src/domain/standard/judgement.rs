@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn a_limit_judges_only_values_of_its_own_version_and_hand() {
-        let key = FeatureKey { feature: &PATH_LENGTH, tool: Some("orange".to_owned()), space: FeatureSpace::Space3d };
+        let key = FeatureKey::of_tool(&PATH_LENGTH, Some("orange".to_owned()), FeatureSpace::Space3d);
         let limit = standard::FeatureTarget::fixed(100.0, Direction::Lower).unwrap();
         let handedness = Some(Handedness::Right);
         let from = MadeFrom { pipeline: "7".to_owned(), fingerprint: None, handedness };
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn a_lower_bound_is_judged_as_such_and_not_compared() {
-        let key = FeatureKey { feature: &PATH_LENGTH, tool: Some("orange".to_owned()), space: FeatureSpace::Space3d };
+        let key = FeatureKey::of_tool(&PATH_LENGTH, Some("orange".to_owned()), FeatureSpace::Space3d);
         let limit = standard::FeatureTarget::fixed(100.0, Direction::Lower).unwrap();
         let target = Target::of(key, limit, None);
         let at_least = |value| {

@@ -11,9 +11,10 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 pub use judgement::{Judgement, SessionJudgement, ValueToJudge};
-pub use new_standard::{LimitMethod, MAX_TARGETS, NewStandard, NewTarget, Preset};
+pub use new_standard::{LimitMethod, MAX_TARGETS, NewStandard, NewTarget, Preset, StandardStart};
 
 use super::feature::FeatureKey;
+use super::hand::ToolHands;
 use super::named;
 use super::trainee::Handedness;
 use crate::motion::features::Direction;
@@ -199,6 +200,21 @@ impl StandardDefinition {
         self
     }
 
+    /// The standard in a session with these hands, of a trainee with this preferred hand: a limit for a hand becomes one
+    /// for the tool that was in it. A limit for a hand whose tool is unknown stays as it is, and no row meets it.
+    pub fn in_session(&self, hands: &ToolHands, preferred: Option<Handedness>) -> Self {
+        let in_session = |target: &Target| {
+            let of = target.of.in_session(hands, preferred).unwrap_or_else(|| target.of.clone());
+            Target { of, ..target.clone() }
+        };
+        Self { targets: self.targets.iter().map(in_session).collect(), ..self.clone() }
+    }
+
+    /// True if a limit is for a hand whose tool in this session is unknown.
+    pub fn has_unknown_hand(&self, hands: &ToolHands, preferred: Option<Handedness>) -> bool {
+        self.targets.iter().any(|target| target.of.in_session(hands, preferred).is_none())
+    }
+
     /// The target of a feature, if it has one.
     pub fn target(&self, of: &impl PartialEq<FeatureKey>) -> Option<&Target> {
         self.targets.iter().find(|target| *of == target.of)
@@ -277,7 +293,7 @@ mod tests {
 
     #[test]
     fn a_stored_definition_reads_back_unchanged() {
-        let key = FeatureKey { feature: &DURATION, tool: None, space: FeatureSpace::Space3d };
+        let key = FeatureKey::of_session(&DURATION, FeatureSpace::Space3d);
         let limit = standard::FeatureTarget::fixed(48.0, Direction::Lower).unwrap();
         let target = Target::of(key, limit, None);
         let definition = StandardDefinition { targets: vec![target], rule: None, charts: ChartDesign::default() };

@@ -1,14 +1,17 @@
 //! A standard as requested: its features, and the method for each limit.
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
 use super::{ChartDesign, StandardRule};
+use crate::domain::hand::Hand;
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::{Invalid, Key};
 use crate::motion::features;
 use crate::statistics::pass_rule::PassRule;
 use crate::statistics::standard::{self, fls};
+use crate::time::Day;
 
 /// Maximum number of targets in one standard.
 pub const MAX_TARGETS: usize = 20;
@@ -23,6 +26,51 @@ pub struct NewStandard {
     pub rule: Option<StandardRule>,
     /// Which failure rate counts as adequate, and how often the charts may be wrong; absent: the usual values.
     pub charts: Option<ChartDesign>,
+    /// Which recordings it judges: those that arrive from `now` on, from a day on (`2026-01-05`), or all of them
+    /// (`beginning`). Absent: all for a task's first version, and from `now` on for a later one.
+    #[schema(value_type = Option<String>)]
+    pub valid_from: Option<StandardStart>,
+}
+
+/// From when on a standard judges recordings. A recording belongs to the day on which it arrived.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StandardStart {
+    /// All recordings.
+    Beginning,
+    /// Those that arrive after the standard was set.
+    Now,
+    /// Those that arrived on this day or later.
+    Day(Day),
+}
+
+impl StandardStart {
+    /// The given start, or the usual one of a first or a later version.
+    pub fn or_usual(given: Option<Self>, is_later: bool) -> Self {
+        given.unwrap_or(if is_later { Self::Now } else { Self::Beginning })
+    }
+
+    /// The time of the start for a standard that is set now, epoch ms.
+    pub fn valid_from_ms(self, now_ms: i64) -> i64 {
+        match self {
+            Self::Beginning => 0,
+            Self::Now => now_ms,
+            Self::Day(day) => day.start_ms().max(0),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for StandardStart {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        match text.as_str() {
+            "beginning" => Ok(Self::Beginning),
+            "now" => Ok(Self::Now),
+            day => day
+                .parse()
+                .map(Self::Day)
+                .map_err(|_| D::Error::custom("expected `now`, `beginning`, or a day such as 2026-01-05")),
+        }
+    }
 }
 
 /// A target as requested.
@@ -31,8 +79,11 @@ pub struct NewStandard {
 pub struct NewTarget {
     /// Stable name of a feature that has a better side.
     pub feature: String,
-    /// The tool's marker; absent for a feature of the whole session.
+    /// The tool's marker; absent for a feature of a hand or of the whole session. A limit for a marker holds only in
+    /// boxes whose tools have it: prefer `in_hand`.
     pub tool: Option<String>,
+    /// The hand that holds the tool; absent for a feature of a tool or of the whole session.
+    pub in_hand: Option<Hand>,
     /// The space to measure it in; absent: three dimensions, if the feature has them.
     pub space: Option<FeatureSpace>,
     /// The method for its limit.

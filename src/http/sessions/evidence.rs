@@ -84,7 +84,7 @@ pub async fn evidence(State(app): State<App>, by: Member, at: PathKey) -> Handle
     params(("id" = String, Path, description = "id")), responses((status = OK, body = AdviceResponse)))]
 pub async fn session_advice(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<AdviceResponse>> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
-    let standard = app.store.standards().in_use(&by.scope, session.task_id).await?;
+    let standard = app.store.standards().at(&by.scope, session.task_id, session.created_at_ms).await?;
     let result = app.store.sessions().result(&by.scope, session.id).await?;
     let evidence = app.store.sessions().evidence(&by.scope, session.id).await?;
     let version = standard.as_ref().map(|standard| standard.version);
@@ -110,8 +110,9 @@ fn advice_of(
         pipeline: &result.versions.pipeline,
         handedness: session.trainee_handedness,
     };
-    let items = advice::advise(&standard.definition, measured);
-    let judged = standard.definition.judge(&result.features, &result.versions.pipeline, session.trainee_handedness);
+    let definition = standard.definition.in_session(&result.hands, session.trainee_handedness);
+    let items = advice::advise(&definition, measured);
+    let judged = definition.judge(&result.features, &result.versions.pipeline, session.trainee_handedness);
     match (items.is_empty(), judged) {
         (false, _) => Ok(items),
         (true, SessionJudgement::Fail) => Err(NO_SECONDS),

@@ -63,7 +63,7 @@ pub async fn xapi(
 ) -> HandlerResult<Json<Statement>> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let result = app.result(&by.scope, session.id).await?;
-    let standard = app.store.standards().in_use(&by.scope, session.task_id).await?;
+    let standard = app.store.standards().at(&by.scope, session.task_id, session.created_at_ms).await?;
     Ok(Json(statement(&app.base_url(&headers), &session, &result, standard.as_ref())))
 }
 
@@ -77,7 +77,8 @@ pub fn statement(
     let standard = standard.filter(|_| session.box_question.is_none_or(BoxQuestion::counts));
     let judged = |standard: &StandardRecord| {
         let hand = session.trainee_handedness;
-        (standard.version, standard.definition.judge(&result.features, &result.versions.pipeline, hand))
+        let definition = standard.definition.in_session(&result.hands, hand);
+        (standard.version, definition.judge(&result.features, &result.versions.pipeline, hand))
     };
     let trainee = session.trainee_id.to_string();
     xapi::statement(&ScoredSession {

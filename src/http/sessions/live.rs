@@ -303,12 +303,14 @@ impl Watcher {
         Ok(LiveMessage::Waiting { recorded_s, ends_in_s: interruption.map(|known| known.ends_in_s) })
     }
 
-    /// Sends the limits of the task's standard, if it has one.
+    /// Sends the limits of the task's standard, if it has one. Those for a hand are left out: which tool is in it is known
+    /// only after the recording.
     async fn send_targets(&self, socket: &mut WebSocket) -> Result<(), WatcherGone> {
         let standards = self.app.store.standards();
         let Ok(Some(standard)) = standards.in_use(&self.scope, self.task).await else { return Ok(()) };
-        send_message(socket, &LiveMessage::Targets { standard: standard.version, targets: standard.definition.targets })
-            .await
+        let mut targets = standard.definition.targets;
+        targets.retain(|target| target.of.in_hand.is_none());
+        send_message(socket, &LiveMessage::Targets { standard: standard.version, targets }).await
     }
 
     /// Waits for about [`POLL_INTERVAL`]; fails if the watcher disconnects.

@@ -20,7 +20,7 @@ use crate::http::read::{Json, Params, PathKey};
 use crate::http::show::{PageResponse, Paging};
 use crate::http::state::App;
 use crate::live::Interruption;
-use crate::store::{self, SessionFilter};
+use crate::store::{self, SessionFilter, StandardRecord};
 
 /// Selects sessions.
 #[derive(Deserialize, IntoParams)]
@@ -64,13 +64,14 @@ pub async fn list(
     for session in items {
         let (result, handedness) =
             (app.store.sessions().result(&by.scope, session.id).await?, session.trainee_handedness);
-        let standard = match standards.entry(session.task_id) {
+        let arrived_ms = session.created_at_ms;
+        let versions: &mut Vec<_> = match standards.entry(session.task_id) {
             Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => new.insert(app.store.standards().in_use(&by.scope, session.task_id).await?),
+            Entry::Vacant(new) => new.insert(app.store.standards().of_tasks(&by.scope, &[session.task_id]).await?),
         };
         let interruption = app.interruption(&session).await?;
         let response = SessionResponse::of(session, result).with_interruption(interruption);
-        shown.push(response.judged_by(standard.as_ref(), handedness));
+        shown.push(response.judged_by(StandardRecord::valid_at(versions, arrived_ms), handedness));
     }
     Ok(Json(PageResponse::of(store::Page { items: shown, next }, |item| item)))
 }
@@ -140,7 +141,7 @@ impl App {
     async fn judged_session(&self, scope: &Scope, session: store::SessionRecord) -> HandlerResult<SessionResponse> {
         let (handedness, of) = (session.trainee_handedness, (session.task_id, session.trainee_id));
         let result = self.store.sessions().result(scope, session.id).await?;
-        let standard = self.store.standards().in_use(scope, session.task_id).await?;
+        let standard = self.store.standards().at(scope, session.task_id, session.created_at_ms).await?;
         let counts = session.box_question.is_none_or(BoxQuestion::counts);
         let verdict = match result.as_ref().filter(|_| counts) {
             Some(result) => Some(self.cohorts.verdict(scope, of, result).await?),

@@ -8,13 +8,14 @@ use crate::domain::feature::{ComparisonSpace, FeatureKey, StoredFeatureKey};
 use crate::domain::feed::arrival::Arrival;
 use crate::domain::feed::early_end::EarlyEnd;
 use crate::domain::files::quality::QualityDocument;
+use crate::domain::hand::{Hand, ToolHands};
 use crate::domain::problem::Problem;
 use crate::domain::session::{
     BoxQuestion, FeatureError, FeatureRow, FeatureSpace, LiveFeature, RecordedAtSource, ResultClock, SessionStatus,
     Versions,
 };
 use crate::domain::skill::SkillVerdict;
-use crate::domain::standard::{Better, Judgement, SessionJudgement, ValueToJudge};
+use crate::domain::standard::{Better, Judgement, SessionJudgement, StandardDefinition, ValueToJudge};
 use crate::domain::text::TrackerName;
 use crate::domain::trainee::Handedness;
 use crate::http::error::ProblemDocument;
@@ -66,6 +67,11 @@ pub struct SessionResponse {
     video: VideoResponse,
     /// Names of the tools, in the trajectory's order.
     tools: Vec<String>,
+    /// The tools in the trainee's hands.
+    hands: ToolHands,
+    /// True if the standard limits a feature of one hand, and which tool was in it is not known: the recording does not
+    /// say it, or the trainee's preferred hand is unknown. The session is then not judged.
+    unknown_hand: bool,
     features: Vec<FeatureResponse>,
     /// Where to look at the features first; `null` while there is no result, and where its paths are short or state no
     /// errors.
@@ -160,6 +166,8 @@ pub struct FeatureResponse {
     unit: String,
     /// The tool's marker; `null` for a feature of the whole session.
     tool: Option<String>,
+    /// The hand that held the tool, `left` or `right`; `null` if unknown, and for a feature of the whole session.
+    in_hand: Option<Hand>,
     space: FeatureSpace,
     /// The value; `null` if there are too few observations.
     value: Option<f64>,
@@ -187,7 +195,9 @@ pub struct FeatureLimit {
     limit: f64,
     /// Whether smaller or larger values are better.
     better: Better,
-    /// Version of the task's standard.
+    /// The hand that the standard limits; `null` for a limit of a tool or of the whole session.
+    in_hand: Option<Hand>,
+    /// Version of the task's standard: that of the day on which the recording arrived.
     standard: i64,
 }
 
@@ -238,6 +248,8 @@ impl SessionResponse {
             box_question: session.box_question,
             video,
             tools: Vec::new(),
+            hands: ToolHands::default(),
+            unknown_hand: false,
             features: Vec::new(),
             compare_in: None,
             live_features: None,
@@ -284,12 +296,16 @@ impl SessionResponse {
     pub fn judged_by(mut self, standard: Option<&store::StandardRecord>, handedness: Option<Handedness>) -> Self {
         let standard = standard.filter(|_| self.box_question.is_none_or(BoxQuestion::counts));
         if let (Some(standard), Some(versions)) = (standard, &self.versions) {
-            self.features.iter_mut().for_each(|feature| feature.judge(standard, &versions.pipeline, handedness));
+            let definition = standard.definition.in_session(&self.hands, handedness);
+            for feature in &mut self.features {
+                feature.judge(standard, &definition, &versions.pipeline, handedness);
+            }
+            self.unknown_hand = standard.definition.has_unknown_hand(&self.hands, handedness);
             let of_feature = |key: &FeatureKey| {
                 self.features.iter().find(|feature| feature.key() == *key).and_then(|feature| feature.judgement)
             };
             let is_refused = self.quality.as_ref().is_some_and(|quality| quality["verdict"] == "refused");
-            self.judgement = (!self.set_aside && !is_refused).then(|| standard.definition.judge_all(of_feature));
+            self.judgement = (!self.set_aside && !is_refused).then(|| definition.judge_all(of_feature));
         }
         self
     }
@@ -303,6 +319,10 @@ impl SessionResponse {
         self.tools = result.tools;
         self.compare_in = ComparisonSpace::of_session(&result.features);
         self.features = result.features.into_iter().map(FeatureResponse::from).collect();
+        for feature in &mut self.features {
+            feature.in_hand = feature.tool.as_ref().and_then(|tool| result.hands.side_of(tool));
+        }
+        self.hands = result.hands;
         self.score = result.score;
         self.quality = Some(result.quality);
         self.versions = Some(result.versions);
@@ -333,6 +353,7 @@ impl From<FeatureRow> for FeatureResponse {
             family,
             unit: row.unit,
             tool: row.tool,
+            in_hand: None,
             space: row.space,
             value,
             not_enough,
@@ -351,12 +372,22 @@ impl FeatureResponse {
         StoredFeatureKey { feature: self.name.clone(), tool: self.tool.clone(), space: self.space }
     }
 
-    fn judge(&mut self, standard: &store::StandardRecord, pipeline: &str, handedness: Option<Handedness>) {
-        let Some(target) = standard.definition.target(&self.key()) else { return };
+    /// Judges the value by its target in `definition`, which is the standard with the session's tools for its hands.
+    fn judge(
+        &mut self,
+        standard: &store::StandardRecord,
+        definition: &StandardDefinition,
+        pipeline: &str,
+        handedness: Option<Handedness>,
+    ) {
+        let key = self.key();
+        let targets = definition.targets.iter().zip(&standard.definition.targets);
+        let Some((target, stated)) = targets.into_iter().find(|(target, _)| key == target.of) else { return };
         let bar = self.error.map(|error| [error.low, error.high]);
         let (value, is_lower_bound) = (self.value, self.is_lower_bound);
         self.judgement = Some(target.judge(ValueToJudge { value, bar, is_lower_bound, pipeline, handedness }));
-        self.target = Some(FeatureLimit { limit: target.limit, better: target.better, standard: standard.version });
+        let (limit, better, in_hand) = (target.limit, target.better, stated.of.in_hand);
+        self.target = Some(FeatureLimit { limit, better, in_hand, standard: standard.version });
     }
 }
 

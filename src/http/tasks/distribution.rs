@@ -6,6 +6,7 @@ use utoipa::IntoParams;
 
 pub use crate::cohorts::Distribution;
 use crate::cohorts::DistributionSelection;
+use crate::domain::hand::Hand;
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::Key;
 use crate::domain::trainee::Handedness;
@@ -24,14 +25,16 @@ const MAX_COHORTS: usize = 4;
 pub struct DistributionQuery {
     /// Stable name of a feature such as `duration`, for which smaller or larger values are better.
     feature: String,
-    /// The tool's marker; absent for a feature of the whole session.
+    /// The tool's marker; absent for a feature of a hand or of the whole session.
     tool: Option<String>,
+    /// The hand that holds the tool; absent for a feature of a tool or of the whole session.
+    in_hand: Option<Hand>,
     /// The space of the feature; default: three dimensions, if the feature is measured there.
     space: Option<FeatureSpace>,
     /// The cohorts to compare, by id or code, at most four, separated by commas; default: all people that the caller
     /// may see.
     cohorts: Option<String>,
-    /// For a tool's feature: only people who prefer this hand.
+    /// For a feature of a tool, or of the left or right hand: only people who prefer this hand.
     hand: Option<Handedness>,
     /// A limit to try: the answer then gives the shares of each group that keep and break it.
     limit: Option<f64>,
@@ -52,7 +55,7 @@ pub async fn distribution(
     PathKey(key): PathKey,
     Params(of): Params<DistributionQuery>,
 ) -> HandlerResult<Json<Distribution>> {
-    let DistributionQuery { feature, tool, space, cohorts, hand, limit } = of;
+    let DistributionQuery { feature, tool, in_hand, space, cohorts, hand, limit } = of;
     let cohorts: Vec<Key> = cohorts
         .iter()
         .flat_map(|list| list.split(','))
@@ -67,6 +70,6 @@ pub async fn distribution(
         ));
     }
     let task = app.store.tasks().get(&by.scope, &key).await?.id;
-    let asked = DistributionSelection { feature, tool, space, cohorts, hand, limit };
+    let asked = DistributionSelection { feature, tool, in_hand, space, cohorts, hand, limit };
     Ok(Json(app.cohorts.distribution(&by.scope, task, asked).await?))
 }

@@ -17,32 +17,46 @@ use crate::store;
 
 pub use crate::cohorts::Proposal;
 
+use crate::cohorts::StandardEffect;
+
 /// A version of a task's standard.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct StandardResponse {
     id: StandardId,
-    /// 1, 2, … within the task; the highest is the one in use.
+    /// 1, 2, … within the task.
     version: i64,
     #[serde(flatten)]
     definition: StandardDefinition,
     /// Name of the person who set it; `null` for trainees, and if the person was deleted.
     who: Option<String>,
     created_at: Time,
+    /// It judges the recordings that arrived from then on, until a later version does; `null`: from the beginning.
+    valid_from: Option<Time>,
 }
 
 impl StandardResponse {
     /// The standard as this scope may see it.
     pub fn new(standard: store::StandardRecord, scope: &Scope) -> Self {
-        let store::StandardRecord { id, version, definition, who, created_at_ms, .. } = standard;
+        let store::StandardRecord { id, version, definition, who, created_at_ms, valid_from_ms, .. } = standard;
         let who = who.filter(|_| scope.is_staff());
         let definition = if scope.is_administrator() { definition } else { definition.without_fingerprints() };
-        Self { id, version, definition, who, created_at: Time(created_at_ms) }
+        let valid_from = (valid_from_ms > 0).then_some(Time(valid_from_ms));
+        Self { id, version, definition, who, created_at: Time(created_at_ms), valid_from }
     }
+}
+
+/// A standard that is not set yet, and the trainees whose state it would change.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct StandardProposal {
+    #[serde(flatten)]
+    proposal: Proposal,
+    /// What it would change at once; `null` while a target has no limit.
+    effect: Option<StandardEffect>,
 }
 
 /// List a task's standards, newest first
 ///
-/// The first one is in use.
+/// Each judges the recordings that arrived from its `valid_from` on, until a later version does.
 #[utoipa::path(get, path = "/tasks/{id}/standards", tag = "tasks",
     params(("id" = String, Path, description = "id or code")),
     responses((status = OK, body = PageResponse<StandardResponse>)))]
@@ -71,23 +85,32 @@ pub async fn set_standard(
     Json(new): Json<NewStandard>,
 ) -> HandlerResult<Created<StandardResponse>> {
     let of = app.store.tasks().changeable(&by.scope, &key).await?.id;
+    let start = new.valid_from;
     let definition = app.cohorts.propose(&by.scope, of, new).await?.definition()?;
-    let standard = app.store.standards().add(&by.scope, of, definition).await?;
+    let standard = app.store.standards().add(&by.scope, of, definition, start).await?;
     Ok(Created { location: format!("/api/v1/tasks/{of}/standards"), made: StandardResponse::new(standard, &by.scope) })
 }
 
 /// Compute a standard without setting it
+///
+/// The answer names the trainees in the caller's scope whose state at the task would change at once.
 #[utoipa::path(post, path = "/tasks/{id}/standards/proposals", tag = "tasks",
     params(("id" = String, Path, description = "id or code")), request_body = NewStandard,
-    responses((status = OK, body = Proposal)))]
+    responses((status = OK, body = StandardProposal)))]
 pub async fn propose_standard(
     State(app): State<App>,
     by: Staff,
     PathKey(key): PathKey,
     Json(new): Json<NewStandard>,
-) -> HandlerResult<Json<Proposal>> {
+) -> HandlerResult<Json<StandardProposal>> {
     let of = app.store.tasks().get(&by.scope, &key).await?.id;
-    Ok(Json(app.cohorts.propose(&by.scope, of, new).await?))
+    let start = new.valid_from;
+    let proposal = app.cohorts.propose(&by.scope, of, new).await?;
+    let effect = match proposal.clone().definition() {
+        Ok(definition) => Some(app.cohorts.effect(&by.scope, of, definition, start).await?),
+        Err(_) => None,
+    };
+    Ok(Json(StandardProposal { proposal, effect }))
 }
 
 /// List published limits to choose from

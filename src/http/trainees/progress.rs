@@ -6,6 +6,7 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::TraineeResponse;
 use crate::cohorts::{ProgressSelection, TraineeProgress, answer};
+use crate::domain::hand::Hand;
 use crate::domain::session::FeatureSpace;
 use crate::domain::text::Key;
 use crate::http::auth::signed_in::Member;
@@ -26,8 +27,10 @@ pub struct ProgressQuery {
     /// The feature, such as `path_length`; default: the features with a limit in the task's standard,
     /// else the duration.
     feature: Option<String>,
-    /// The tool; default: all tools that have the feature.
+    /// The tool; default: the whole session, both hands, and the tools whose hand is unknown.
     tool: Option<String>,
+    /// The hand that holds the tool.
+    in_hand: Option<Hand>,
     /// The space of the feature; default: three dimensions, if the feature is measured there.
     space: Option<FeatureSpace>,
     /// The cohort to rank the newest value in, by id or code.
@@ -42,7 +45,7 @@ pub struct TraineeProgressResponse {
     trainee: TraineeResponse,
     /// The task; `null` if the request named none and the trainee has no sessions.
     task: Option<TaskResponse>,
-    /// The task's standard; `null`: none was set.
+    /// The version of the task's standard that judges recordings that arrive now; `null`: none does.
     standard: Option<StandardResponse>,
     /// The cohort that the newest values are ranked in; `null` if the request named none.
     cohort: Option<CohortResponse>,
@@ -60,8 +63,8 @@ pub async fn progress(
     PathKey(key): PathKey,
     Params(which): Params<ProgressQuery>,
 ) -> HandlerResult<Json<TraineeProgressResponse>> {
-    let ProgressQuery { task, feature, tool, space, cohort } = which;
-    let asked = ProgressSelection { task, feature, tool, space, cohort };
+    let ProgressQuery { task, feature, tool, in_hand, space, cohort } = which;
+    let asked = ProgressSelection { task, feature, tool, in_hand, space, cohort };
     let TraineeProgress { trainee, task, standard, cohort, answer } =
         app.cohorts.progress(&by.scope, &key, asked).await?;
     Ok(Json(TraineeProgressResponse {

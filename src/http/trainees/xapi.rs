@@ -15,7 +15,7 @@ use crate::http::read::{Json, Params, PathKey};
 use crate::http::sessions::statement;
 use crate::http::show::Paging;
 use crate::http::state::App;
-use crate::store::SessionFilter;
+use crate::store::{SessionFilter, StandardRecord};
 
 /// Most statements on a page, because each needs a whole result.
 const MAX_STATEMENTS_PER_PAGE: u32 = 50;
@@ -49,11 +49,12 @@ pub async fn xapi(
     let (mut statements, mut standards) = (Vec::with_capacity(found.items.len()), HashMap::new());
     for session in &found.items {
         let Some(result) = app.store.sessions().result(&by.scope, session.id).await? else { continue };
-        let standard = match standards.entry(session.task_id) {
+        let versions: &mut Vec<_> = match standards.entry(session.task_id) {
             Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => new.insert(app.store.standards().in_use(&by.scope, session.task_id).await?),
+            Entry::Vacant(new) => new.insert(app.store.standards().of_tasks(&by.scope, &[session.task_id]).await?),
         };
-        statements.push(statement(&home, session, &result, standard.as_ref()));
+        let standard = StandardRecord::valid_at(versions, session.created_at_ms);
+        statements.push(statement(&home, session, &result, standard));
     }
     let of = |cursor| {
         let limit = limit.map(|limit| format!("&limit={limit}")).unwrap_or_default();

@@ -11,6 +11,7 @@ use super::super::error::StoreResult;
 use super::super::visibility::BindScope;
 use super::SessionStore;
 use crate::domain::feature::FeatureKey;
+use crate::domain::hand::ToolHands;
 use crate::domain::job::JobState;
 use crate::domain::session::{BoxQuestion, FeatureSpace, RecordedAtSource, SessionStatus};
 use crate::domain::text::Key;
@@ -70,6 +71,8 @@ pub struct PracticeResult {
     pub calibration: Option<CalibrationId>,
     /// True if the quality gate refused it.
     pub refused: bool,
+    /// The tools in the trainee's hands.
+    pub hands: ToolHands,
 }
 
 /// A value of one feature.
@@ -100,6 +103,8 @@ struct PracticeRow {
     pipeline: Option<String>,
     calibration_id: Option<CalibrationId>,
     refused: Option<bool>,
+    left_tool: Option<String>,
+    right_tool: Option<String>,
     in_all: i64,
 }
 
@@ -120,6 +125,8 @@ pub(in crate::store) const SELECT_PRACTICE: &str = "
     SELECT session.*,
            (SELECT stored.recorded_at_source FROM session AS stored WHERE stored.id = session.id) AS recorded_at_source,
            (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms,
+           (SELECT left_tool FROM result WHERE result.id = session.result_id) AS left_tool,
+           (SELECT right_tool FROM result WHERE result.id = session.result_id) AS right_tool,
            (SELECT count(*) FROM session WHERE trainee_id = $3 AND task_id = $4) AS in_all
     FROM practised_session AS session
     WHERE session.trainee_id = $3 AND session.task_id = $4
@@ -137,7 +144,9 @@ pub(in crate::store) const SELECT_PRACTICE_OF_MANY: &str = "
          FROM json_each($3) AS wanted)
     SELECT session.*,
            (SELECT stored.recorded_at_source FROM session AS stored WHERE stored.id = session.id) AS recorded_at_source,
-           (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms, pair.in_all
+           (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms,
+           (SELECT left_tool FROM result WHERE result.id = session.result_id) AS left_tool,
+           (SELECT right_tool FROM result WHERE result.id = session.result_id) AS right_tool, pair.in_all
     FROM pair
     CROSS JOIN practised_session AS session ON session.id IN
         (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = pair.trainee AND recent.task_id = pair.task
@@ -160,6 +169,14 @@ const SELECT_TRAINEE_TASKS: &str = "
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
     GROUP BY trainee_id, task_id ORDER BY max(recorded_at_ms) DESC LIMIT $4";
+
+const SELECT_TRAINEES_OF_TASK: &str = "
+    SELECT trainee_id, count(*) FROM session
+    WHERE task_id = $3
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+    GROUP BY trainee_id ORDER BY max(recorded_at_ms) DESC LIMIT $4";
 
 const SELECT_LAST_TASK: &str = "
     SELECT task_id FROM session
@@ -229,6 +246,18 @@ impl SessionStore<'_> {
             .collect())
     }
 
+    /// The trainees in the scope who practised a task, with the number of their sessions; latest first, at most `most`.
+    pub async fn trainees_of_task(
+        &self,
+        scope: &Scope,
+        task: TaskId,
+        most: u32,
+    ) -> StoreResult<Vec<(TraineeId, usize)>> {
+        let rows = sqlx::query_as::<_, (TraineeId, i64)>(SELECT_TRAINEES_OF_TASK);
+        let rows = rows.bind_scope(scope).bind(task).bind(most).fetch_all(self.0.readers()).await?;
+        Ok(rows.into_iter().map(|(trainee, of)| (trainee, of.unsigned_abs() as usize)).collect())
+    }
+
     /// The values of these features in these results.
     async fn measured(
         &self,
@@ -242,7 +271,7 @@ impl SessionStore<'_> {
             let bar = low.zip(high).map(|(low, high)| [low, high]);
             let is_lower_bound = low.is_some() && high.is_none();
             let measurement =
-                PracticeMeasurement { of: FeatureKey { feature, tool, space }, value, bar, is_lower_bound };
+                PracticeMeasurement { of: FeatureKey::of_tool(feature, tool, space), value, bar, is_lower_bound };
             measured.entry(result).or_default().push(measurement);
         }
         Ok(measured)
@@ -265,6 +294,7 @@ fn practice(mut rows: Vec<PracticeRow>, measured: &mut HashMap<ResultId, Vec<Pra
 impl PracticeRow {
     fn with_measured(self, measured: &mut HashMap<ResultId, Vec<PracticeMeasurement>>) -> PracticeSession {
         let (calibration, refused) = (self.calibration_id, self.refused == Some(true));
+        let hands = ToolHands { left: self.left_tool, right: self.right_tool };
         PracticeSession {
             id: self.id,
             recorded_at_ms: self.recorded_at_ms,
@@ -275,7 +305,7 @@ impl PracticeRow {
             is_uncounted: !self.counts,
             box_question: self.box_question,
             measured: self.result_id.and_then(|result| measured.remove(&result)).unwrap_or_default(),
-            result: self.pipeline.map(|pipeline| PracticeResult { pipeline, calibration, refused }),
+            result: self.pipeline.map(|pipeline| PracticeResult { pipeline, calibration, refused, hands }),
         }
     }
 }

@@ -12,6 +12,7 @@ use super::SessionStore;
 use crate::domain::blob::BlobHash;
 use crate::domain::edit::EditsInForce;
 use crate::domain::files::quality::stored_fulcrums;
+use crate::domain::hand::ToolHands;
 use crate::domain::session::{FeatureError, FeatureRow, FeatureSpace, ResultClock, Versions, VideoFacts};
 use crate::ids::{BoxId, CalibrationId, PaletteId, ResultId, SessionId};
 use crate::store::Scope;
@@ -30,6 +31,8 @@ pub struct SessionResult {
     pub video: VideoFacts,
     /// Names of the tools, in the trajectory's order.
     pub tools: Vec<String>,
+    /// The tools in the trainee's hands.
+    pub hands: ToolHands,
     /// Counts and reasons for each tool; a JSON object.
     pub quality: Value,
     /// Always empty: reserved for a rank in a reference cohort.
@@ -65,6 +68,8 @@ struct SessionResultRow {
     clock: Option<ResultClock>,
     #[sqlx(json)]
     tools: Vec<String>,
+    left_tool: Option<String>,
+    right_tool: Option<String>,
     #[sqlx(json)]
     quality: Value,
     #[sqlx(json(nullable))]
@@ -236,6 +241,7 @@ impl SessionResultRow {
                 clock: self.clock,
             },
             tools: self.tools,
+            hands: ToolHands { left: self.left_tool, right: self.right_tool },
             quality: self.quality,
             score: self.score,
             trajectory: self.trajectory,

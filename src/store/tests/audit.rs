@@ -26,7 +26,7 @@ async fn changes_are_listed_under_present_names() {
     centre.group("Mondays", &[&ina], &[&ada]).await;
     centre.session(ada.id, "a clip").await;
     let standard = StandardDefinition { targets: Vec::new(), rule: None, charts: ChartDesign::default() };
-    centre.store.standards().add(&ina.scope(), centre.task.id, standard).await.unwrap();
+    centre.store.standards().add(&ina.scope(), centre.task.id, standard, None).await.unwrap();
     let trail = trail(&centre).await;
     for (noun, called) in [
         ("session", "Ada"),

@@ -132,7 +132,7 @@ async fn people_see_only_cohort_members_in_their_scope() {
 }
 
 fn key(feature: &str) -> FeatureKey {
-    FeatureKey { feature: find(feature).unwrap(), tool: None, space: FeatureSpace::Space3d }
+    FeatureKey::of_session(find(feature).unwrap(), FeatureSpace::Space3d)
 }
 
 #[tokio::test]

@@ -18,7 +18,7 @@ async fn make(centre: &TestCentre, scope: &Scope, name: &str, steps: Value) -> S
 
 async fn ask_for_a_standard(centre: &TestCentre) {
     let definition = StandardDefinition { targets: Vec::new(), rule: None, charts: ChartDesign::default() };
-    centre.store.standards().add(&Scope::service(), centre.task.id, definition).await.unwrap();
+    centre.store.standards().add(&Scope::service(), centre.task.id, definition, None).await.unwrap();
 }
 
 async fn group(centre: &TestCentre, name: &str) -> GroupId {

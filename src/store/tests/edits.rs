@@ -328,7 +328,7 @@ async fn what_is_set_aside_is_in_no_cohort_no_model_and_no_practice_that_counts(
     let service = Scope::service();
     let new = serde_json::from_value(json!({"name": "Listed", "members": [ana]})).unwrap();
     let cohort = centre.store.cohorts().create(&service, new).await.unwrap();
-    let key = FeatureKey { feature: &DURATION, tool: None, space: FeatureSpace::Space3d };
+    let key = FeatureKey::of_session(&DURATION, FeatureSpace::Space3d);
     let values = async || {
         let rows =
             centre.store.cohorts().values(cohort.id, centre.task.id, 1, std::slice::from_ref(&key)).await.unwrap();
@@ -383,7 +383,7 @@ async fn a_session_that_may_show_another_box_counts_only_after_the_answer_that_i
     let service = Scope::service();
     let new = serde_json::from_value(json!({"name": "Listed", "members": [ana]})).unwrap();
     let cohort = centre.store.cohorts().create(&service, new).await.unwrap();
-    let key = FeatureKey { feature: &DURATION, tool: None, space: FeatureSpace::Space3d };
+    let key = FeatureKey::of_session(&DURATION, FeatureSpace::Space3d);
     let found = async || {
         let rows =
             centre.store.cohorts().values(cohort.id, centre.task.id, 9, std::slice::from_ref(&key)).await.unwrap();

@@ -88,7 +88,7 @@ async fn instructors_change_only_what_their_groups_own() {
         assert_ne!(is_forbidden(&store.boxes().change(scope, &box_key, BoxChange::default()).await), may, "{who}");
         assert_ne!(is_forbidden(&store.tasks().change(scope, &task_key, TaskChange::default()).await), may, "{who}");
         assert_ne!(is_forbidden(&store.courses().replace(scope, course.id, new_course()).await), may, "{who}");
-        assert_ne!(is_forbidden(&store.standards().add(scope, task.id, standard()).await), may, "{who}");
+        assert_ne!(is_forbidden(&store.standards().add(scope, task.id, standard(), None).await), may, "{who}");
         assert_ne!(is_forbidden(&store.jobs().enqueue(scope, colours(of_box.id)).await), may, "{who}");
     }
     assert!(is_forbidden(&store.boxes().delete(&omar, &box_key).await));

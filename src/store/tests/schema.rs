@@ -120,8 +120,9 @@ async fn invalid_rows_are_refused_from_any_writer() {
         "UPDATE result SET width = 0",
         "INSERT INTO rescoring VALUES ('0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', (SELECT id FROM task), 'memory', 1, '8',
          NULL, NULL, 1, NULL, NULL)",
-        "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 0, '{}', NULL, 1 FROM task",
-        "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, 'no json', NULL, 1 FROM task",
+        "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 0, '{}', NULL, 1, 0 FROM task",
+        "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, 'no json', NULL, 1, 0 FROM task",
+        "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '{}', NULL, 1, -1 FROM task",
         "UPDATE evidence SET rows = 'no json'",
         "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'charm', 1, '[]', 1, 1 \
          FROM session",

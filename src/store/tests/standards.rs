@@ -25,10 +25,10 @@ async fn a_standard_is_a_new_version_unless_it_says_the_same() {
     centre.group("Mondays", &[&teacher], &[]).await;
     centre.person("ada", Role::Administrator, None).await; // one administrator must stay
     assert_eq!(store.standards().in_use(&teacher.scope(), task).await.unwrap(), None);
-    let first = store.standards().add(&teacher.scope(), task, definition(2)).await.unwrap();
+    let first = store.standards().add(&teacher.scope(), task, definition(2), None).await.unwrap();
     assert_eq!((first.version, first.who.as_deref(), &first.definition), (1, Some("ina"), &definition(2)));
-    assert_eq!(store.standards().add(&teacher.scope(), task, definition(2)).await.unwrap(), first);
-    let second = store.standards().add(&Scope::service(), task, definition(3)).await.unwrap();
+    assert_eq!(store.standards().add(&teacher.scope(), task, definition(2), None).await.unwrap(), first);
+    let second = store.standards().add(&Scope::service(), task, definition(3), None).await.unwrap();
     assert_eq!((second.version, second.who.as_deref()), (2, None));
     assert_eq!(store.standards().list(&teacher.scope(), task).await.unwrap(), [second.clone(), first]);
     store.people().delete(&Scope::service(), teacher.id).await.unwrap();
@@ -42,10 +42,10 @@ async fn a_standard_is_a_new_version_unless_it_says_the_same() {
 async fn trainees_read_standards_and_agents_do_not() {
     let centre = TestCentre::new().await;
     let (store, task) = (&centre.store, centre.task.id);
-    store.standards().add(&Scope::service(), task, definition(2)).await.unwrap();
+    store.standards().add(&Scope::service(), task, definition(2), None).await.unwrap();
     let ana = centre.person("ana", Role::Trainee, Some(centre.trainee("Ana").await.id)).await;
     assert!(store.standards().in_use(&ana.scope(), task).await.unwrap().is_some());
-    let set = store.standards().add(&ana.scope(), task, definition(3)).await;
+    let set = store.standards().add(&ana.scope(), task, definition(3), None).await;
     assert!(matches!(set, Err(StoreError::Forbidden { .. })), "{set:?}");
     assert!(store.standards().in_use(&Scope::agent(centre.the_box.id), task).await.unwrap().is_none());
 }

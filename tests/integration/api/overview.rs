@@ -119,7 +119,8 @@ async fn a_groups_table_agrees_with_each_trainees_own_progress() {
     assert_eq!(row["points"].as_array().unwrap(), &points[..3], "the refused session does not count");
     assert_eq!((&row["sessions"], &row["last_at"]), (&json!(4), &own["sessions"][3]["recorded_at"]));
     assert_eq!((&row["rule"], &row["passed"], &row["newest"]), (&own["rule"], &json!(true), &own["sessions"][2]["id"]));
-    let passed = json!({"by": "rule", "session": 3, "at": own["sessions"][2]["recorded_at"], "sessions": [2, 3]});
+    let passed =
+        json!({"by": "rule", "standard": 1, "session": 3, "at": own["sessions"][2]["recorded_at"], "sessions": [2, 3]});
     assert_eq!(own["passed"], passed);
     // For instructors, the groups of others do not exist. Trainees may not read tables.
     let path = format!("/api/v1/groups/{one}/progress?task=peg");

@@ -252,7 +252,7 @@ async fn progress_judges_sessions_and_follows_rule_curve_charts_and_reminders() 
     let one = centre.trainee.read(&format!("/api/v1/sessions/{id}")).await["features"][0].clone();
     assert_eq!(
         (&one["judgement"], &one["target"]),
-        (&json!("pass"), &json!({"limit": 50.0, "better": "lower", "standard": 1}))
+        (&json!("pass"), &json!({"limit": 50.0, "better": "lower", "in_hand": null, "standard": 1}))
     );
     let listed = centre.trainee.read("/api/v1/sessions?task=peg&limit=1").await["items"][0]["features"][0].clone();
     assert!(listed["judgement"].is_string(), "{listed}");

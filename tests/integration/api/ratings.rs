@@ -229,7 +229,10 @@ async fn evidence_is_sent_as_stored_and_advice_only_if_the_limit_is_surely_misse
     let advice = format!("{at}/advice");
     assert_eq!(centre.trainee.read(&advice).await["none"]["reason"], "no_standard");
 
-    let standard = |limit: f64| json!({"targets": [{"feature": "duration", "by": {"method": "fixed", "limit": limit, "unit": "s"}}]});
+    let standard = |limit: f64| {
+        let target = json!({"feature": "duration", "by": {"method": "fixed", "limit": limit, "unit": "s"}});
+        json!({"targets": [target], "valid_from": "beginning"})
+    };
     for (limit, sure) in [(100.0, true), (107.0, false), (130.0, false)] {
         centre.instructor.make("/api/v1/tasks/peg/standards", standard(limit)).await;
         let answer = centre.trainee.read(&advice).await;
