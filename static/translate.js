@@ -17,9 +17,16 @@ const translationOf = (kind, code) => translations[kind]?.[code];
  */
 export const featureTitle = ({ feature, name, title }) => translationOf('features', feature ?? name) ?? title;
 
-/** The feature and its tool, if it has one, and whether it is measured in the image: `Path length, red, in the image`. */
+/** The hand and the tool in it: `left hand (red)`. The hand that a standard names comes first: `dominant hand (red)`. */
+export function handText({ tool, in_hand: hand, target }) {
+  const named = target?.in_hand ?? hand;
+  if (!named) return tool ?? '';
+  return tool ? `${t.hands[named]} (${tool})` : t.hands[named];
+}
+
+/** The feature, its hand or tool, and whether it is measured in the image: `Path length, left hand, in the image`. */
 export const featureWithTool = one =>
-  [featureTitle(one), one.tool, one.space === 'image' && t.session.inImage].filter(Boolean).join(', ');
+  [featureTitle(one), handText(one), one.space === 'image' && t.session.inImage].filter(Boolean).join(', ');
 
 /** The title of a rating form. */
 export const formTitle = ({ form, title }) => translationOf('forms', form) ?? title;

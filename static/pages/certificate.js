@@ -17,7 +17,7 @@ const words = t.certificate;
 export default function Certificate({ route }) {
   const { id } = route.params;
   const task = route.query.get('task') ?? undefined;
-  const { data, problem, reload } = useData(signal => api.trainees.progress(id, { task }, signal), [id, task]);
+  const { data, problem, reload } = useData(signal => load(id, task, signal), [id, task]);
   if (!data)
     return html`<${PageHead} title=${words.title} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
@@ -26,6 +26,15 @@ export default function Certificate({ route }) {
       <section class="card"><${Empty} title=${words.refused} body=${whyNot(data)}>
         <a class="button" href=${href(['trainees', id], { task })}>${words.back}</a><//></section>`;
   return html`<${Paper} progress=${data} />`;
+}
+
+/** The progress, with the version of the standard that was passed in place of the one in use. */
+async function load(id, task, signal) {
+  const progress = await api.trainees.progress(id, { task }, signal);
+  const { passed, standard } = progress;
+  if (!progress.task || !passed || passed.standard === standard?.version) return progress;
+  const versions = await api.tasks.standards(progress.task.id, signal);
+  return { ...progress, standard: versions.find(one => one.version === passed.standard) };
 }
 
 /**
@@ -43,17 +52,17 @@ export function whyNot({ task, standard, sessions, rule, charts }) {
 }
 
 /** @param {{ progress: PassedProgress }} props */
-function Paper({ progress: { trainee, task, standard, sessions, passed, pipeline, rule } }) {
+function Paper({ progress: { trainee, task, standard, sessions, passed, pipeline } }) {
   const countedSessions = sessions.filter(session => passed.sessions.includes(session.number));
   return html`
     <${Sheet} title=${words.of(task.name)} back=${['trainees', trainee.id]} kind="certificate" footer=${words.printed}>
       <p>${words.says}</p>
       <p class="who">${trainee.name}</p>
-      <p>${words.has(task.name)} ${passed.by === 'rule' ? html`${words.byRule} ${words.rule(rule.in_a_row, rule.then_more, rule.at_most)}.` : words.byCharts}</p>
+      <p>${words.has(task.name)} ${passed.by === 'rule' && standard.rule ? html`${words.byRule} ${words.rule(standard.rule.in_a_row, standard.rule.then_more, standard.rule.at_most)}.` : words.byCharts}</p>
       <p>${words.on} <strong>${date(passed.at)}</strong>. ${words.standard}: ${words.setOn(standard.version, date(standard.created_at))}.</p>
       <section>
         <h2>${words.targets}</h2>
-        <ul>${standard.targets.map(target => html`<li key=${`${target.feature} ${target.tool} ${target.space}`}>${featureWithTool(target)}: ${limitText(target)}</li>`)}</ul>
+        <ul>${standard.targets.map(target => html`<li key=${featureWithTool(target)}>${featureWithTool(target)}: ${limitText(target)}</li>`)}</ul>
       </section>
       <section>
         <h2>${words.sessions}</h2>

@@ -10,6 +10,7 @@ import { featureTitle } from '../translate.js';
 import { Field } from '../parts/forms/form.js';
 import { GroupCourse } from '../parts/courses/group_course.js';
 import { GroupTable } from '../parts/people/group_table.js';
+import { handChoices, handOfName, handOrTool, handOrToolQuery } from '../parts/tasks/hand_choice.js';
 import { MembersDialog } from '../parts/people/groups_tokens.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
@@ -50,18 +51,20 @@ export default function GroupPage({ person, route }) {
 function Progress({ base: { group, tasks, features }, route }) {
   const param = key => route.query.get(key) ?? undefined;
   const task = tasks.find(one => one.id === param('task') || one.code === param('task')) ?? tasks[0];
-  const query = { task: task.id, feature: param('feature'), tool: param('tool') };
+  const query = { task: task.id, feature: param('feature'), tool: param('tool'), in_hand: handOfName(param('in_hand')) };
   const { data, current, problem, reload } = useData(
-    signal => api.groups.progress(group.id, query, signal), [group.id, query.task, query.feature, query.tool]);
-  const hasSessionValue = features.find(one => one.name === data?.feature)?.of_session;
+    signal => api.groups.progress(group.id, query, signal), [group.id, query.task, query.feature, query.tool, query.in_hand]);
+  const feature = features.find(one => one.name === data?.feature);
   const reloadSoon = useThrottled(reload, 3000);
   useLive('session', event => event.status === 'done' && reloadSoon());
   useLive('resync', reloadSoon);
   const set = (key, value) => {
-    // A tool is requested together with its feature: alone, it would have to be one that the standard limits.
-    const related = key === 'tool' ? { feature: query.feature ?? data?.feature } : { tool: undefined };
-    replace(['groups', group.id], { ...query, ...related, [key]: value || undefined });
+    replace(['groups', group.id], { ...query, tool: undefined, in_hand: undefined, [key]: value || undefined });
   };
+  // A hand is requested together with its feature: alone, it would have to be one that the standard limits.
+  const setHolder = event => replace(['groups', group.id],
+    { ...query, tool: undefined, in_hand: undefined, feature: query.feature ?? data?.feature, ...handOrToolQuery(event.target.value) });
+  const holder = handOrTool(current ?? query);
   const choose = (label, key, value, options) => html`<${Field} type="select" label=${label} value=${value} options=${options}
     onInput=${event => set(key, event.target.value)} />`;
   return html`
@@ -69,7 +72,8 @@ function Progress({ base: { group, tasks, features }, route }) {
       <div class="filters">
         ${choose(words.task, 'task', task.id, tasks.map(one => [one.id, one.name]))}
         ${choose(words.feature, 'feature', query.feature, [['', words.asked], ...features.map(one => [one.name, featureTitle(one)])])}
-        ${data && data.tools.length > 1 && choose(words.tool, 'tool', current ? current.tool : query.tool, [...(hasSessionValue ? [['', t.standardForm.whole]] : []), ...data.tools.map(one => [one, one])])}
+        ${feature?.of_tools && html`<${Field} type="select" label=${t.standardForm.hand} value=${holder} onInput=${setHolder}
+          options=${handChoices(feature, holder)} />`}
       </div>
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       ${!current && !problem && html`<${Loading} />`}

@@ -11,17 +11,16 @@ import { RatersDialog } from '../parts/tasks/raters.js';
 import { Rescorings } from '../parts/tasks/rescorings.js';
 import { SkillModel } from '../parts/tasks/skill_model.js';
 import { Spread } from '../parts/tasks/spread.js';
-import { Standard, StandardHistory } from '../parts/tasks/standard.js';
+import { Standard, StandardHistory, standardInUse } from '../parts/tasks/standard.js';
 import { StandardForm } from '../parts/tasks/standard_form.js';
 
 const words = t.task;
 
 async function load(id, signal) {
   const task = await api.tasks.get(id, signal);
-  const [standards, presets, features, cohorts, boxes] = await Promise.all([
-    api.tasks.standards(task.id, signal), api.tasks.presets(task.id, signal), api.features(signal), api.cohorts.all(), api.boxes.all()]);
-  const tools = [...new Set(boxes.flatMap(box => box.tools.map(tool => tool.name)))].filter(Boolean).sort();
-  return { task, standards, presets, features, cohorts, tools };
+  const [standards, presets, features, cohorts] = await Promise.all([
+    api.tasks.standards(task.id, signal), api.tasks.presets(task.id, signal), api.features(signal), api.cohorts.all()]);
+  return { task, standards, presets, features, cohorts };
 }
 
 /** @param {Props} props */
@@ -48,7 +47,7 @@ export default function TaskPage({ person, route }) {
       <${Announce}>${savedVersion ? t.standardForm.isSet(savedVersion) : ''}<//>
       ${savedVersion && html`<${Notice} tone="good" quiet title=${t.standardForm.isSet(savedVersion)} />`}
       ${form ? html`<${StandardForm} data=${data} first=${form.first} mayMake=${isAdministrator} onSet=${finish}
-        onCancel=${close} />` : html`<${Standard} standard=${standards[0]} onSet=${task.may_change && (() => open(null))} />`}
+        onCancel=${close} />` : html`<${Standard} standard=${standardInUse(standards)} onSet=${task.may_change && (() => open(null))} />`}
       <${Spread} data=${data} onTake=${task.may_change && open} />
       <${OtherSections} task=${task} standards=${standards} person=${person} />
     </div>`;
@@ -68,7 +67,7 @@ function OtherSections({ task, standards, person }) {
           aria-label=${t.raters.title(task.name)} onClick=${() => setShowsRaters(true)}>${t.raters.open}</button></header>
         <div class="body muted">${words.ratersBody}</div>
       </section>
-      <${StandardHistory} standards=${standards.slice(1)} />
+      <${StandardHistory} standards=${standards.filter(one => one !== standardInUse(standards))} />
     </div>
     ${may(person, 'people') && html`<${Rescorings} task=${task} />`}
     ${showsRaters && html`<${RatersDialog} task=${task} onClose=${() => setShowsRaters(false)} />`}`;

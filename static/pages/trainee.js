@@ -14,6 +14,7 @@ import { MonitorCharts } from '../parts/charts/monitor_chart.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { OwnData } from '../parts/people/own_data.js';
 import { OwnCourses } from '../parts/courses/own_courses.js';
+import { handOrTool } from '../parts/tasks/hand_choice.js';
 import { spaceChoices } from '../parts/tasks/space_choice.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
 import { ProgressSummary } from '../parts/people/progress_summary.js';
@@ -131,7 +132,7 @@ const tableRows = progress => [
 ];
 
 /** Identifies a series in the address. */
-const seriesKey = one => [one.feature, one.tool ?? '', one.space].join('|');
+const seriesKey = one => [one.feature, handOrTool(one), one.space].join('|');
 
 const LATEST = 50;
 /** Reasons why a session does not count that its outcome does not say. */

@@ -12,6 +12,7 @@ export function ProgressSummary({ progress, series }) {
   const rows = [
     [words.placeName, progress.cohort ? placeText(series, progress.cohort) : words.noCohort],
     [words.learningName, learningText(series)],
+    ...(progress.passed ? [[words.passedName, words.passedUnder(date(progress.passed.at), progress.passed.standard)]] : []),
     [words.ruleName, progress.rule ? ruleText(progress.rule) : progress.standard ? words.noRule : words.noStandard],
     [words.chartsName, progress.charts ? chartsText(progress.charts) : words.noStandard],
     [words.remindersName, progress.reminders.length ? progress.reminders.map(reminderText).join(' ') : words.noReminders],

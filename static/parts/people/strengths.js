@@ -3,7 +3,7 @@
 import { html } from '../../preact.js';
 import { unit } from '../../format.js';
 import { t } from '../../texts.js';
-import { featureTitle } from '../../translate.js';
+import { featureTitle, handText } from '../../translate.js';
 import { Empty } from '../page/notice.js';
 import { limitText } from '../tasks/standard.js';
 import { pointText } from '../../with_error.js';
@@ -37,7 +37,7 @@ const List = ({ title, items, none }) => html`
 /** A target decides if there is one, else the place in the cohort. A feature that neither decides is left out. */
 function judge(one, newest, cohort) {
   const point = one.points.find(at => at.session === newest);
-  const base = { name: words.of(featureTitle(one), one.tool) };
+  const base = { name: words.of(featureTitle(one), handText(one)) };
   if (!point || point.value === null)
     return one.target && { ...base, kind: 'open', words: words.unmeasured(limitText(one.target)) };
   const place = placeWords(one.place, point, cohort);

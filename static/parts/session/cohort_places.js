@@ -7,6 +7,7 @@ import { asProblem, useData } from '../../data.js';
 import { href } from '../../router.js';
 import { t } from '../../texts.js';
 import { reasonText } from '../../translate.js';
+import { handOrTool } from '../tasks/hand_choice.js';
 import { featuresIn, firstSpace } from './compared_space.js';
 import { featureKey } from './evidence.js';
 
@@ -51,7 +52,7 @@ async function loadPlaces(session, cohort, isAll, signal) {
     result.cohort = progress.cohort;
     // A session whose value is only a lower bound has no place; the service then places an earlier one.
     const ofNewest = progress.features.filter(one => !one.place || one.place.session === newest?.number);
-    for (const one of ofNewest) result.places.set(featureKey(one.feature, one.tool, one.space), one);
+    for (const one of ofNewest) result.places.set(featureKey(one.feature, handOrTool(one), one.space), one);
   }
   return { ...result, general: generalReason([...result.places.values()]) };
 }
@@ -88,7 +89,10 @@ const whyNot = why => (why.missing ? t.trainee.notEnough(why.missing, reasonText
 
 /** The place of one value, shown under it. @param {Props} props */
 export function CohortPlace({ feature, answer }) {
-  const featurePlace = answer?.places?.get(featureKey(feature.name, feature.tool, feature.space));
+  // The limit of a standard may be for the dominant hand, other features are compared by the left and the right hand.
+  const holders = [handOrTool({ in_hand: feature.target?.in_hand, tool: feature.tool }), handOrTool(feature), feature.tool ?? ''];
+  const found = holders.map(holder => answer?.places?.get(featureKey(feature.name, holder, feature.space)));
+  const featurePlace = found.find(Boolean);
   if (!featurePlace) return null;
   if (featurePlace.no_place && answer.general) return null;
   if (featurePlace.no_place) return html`<small class="place" title=${whyNot(featurePlace.no_place)}>${featurePlace.no_place.missing ? words.tooFew : words.none}</small>`;

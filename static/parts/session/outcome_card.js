@@ -6,7 +6,7 @@ import { useData } from '../../data.js';
 import { date, number, unit } from '../../format.js';
 import { href } from '../../router.js';
 import { t } from '../../texts.js';
-import { featureTitle, featureWithTool } from '../../translate.js';
+import { featureTitle, featureWithTool, handText } from '../../translate.js';
 import { pointText, withError } from '../../with_error.js';
 import { outcomeOf, StatusPill } from '../page/status.js';
 import { featuresIn, firstSpace } from './compared_space.js';
@@ -48,7 +48,7 @@ function Card({ session, outcome, limited, rows }) {
             <th scope="col" class="number">${words.last}</th></tr></thead>
           <tbody>${rows.map(one => html`
             <tr key=${featureKey(one.name, one.tool, one.space)}>
-              <th scope="row">${limited.length ? featureWithTool(one) : [featureTitle(one), one.tool].filter(Boolean).join(', ')}</th>
+              <th scope="row">${limited.length ? featureWithTool(one) : [featureTitle(one), handText(one)].filter(Boolean).join(', ')}</th>
               <td class="number">${valueText(one)}</td>
               ${limited.length > 0 && html`<td><${Limit} one=${one} />
                 <${Where} session=${session} row=${evidence?.get(featureKey(one.name, one.tool, one.space))} one=${one} /></td>`}
@@ -56,7 +56,8 @@ function Card({ session, outcome, limited, rows }) {
             </tr>`)}</tbody>
         </table>
       </div>
-      ${!limited.length && html`<p class="small muted keys">${words.noStandard}</p>`}
+      ${session.unknown_hand ? html`<p class="small muted keys">${words.unknownHand}</p>`
+        : !limited.length && html`<p class="small muted keys">${words.noStandard}</p>`}
     </section>`;
 }
 
@@ -90,6 +91,11 @@ function useEvidenceOfMissed(session) {
   ).current;
 }
 
+/** Whether a series of the progress is about the hand or tool of a session's feature. */
+const isOfSameHand = (series, one) =>
+  one.target?.in_hand ? series.in_hand === one.target.in_hand
+    : (series.tool ?? null) === one.tool && (series.in_hand === null || series.in_hand === one.in_hand) && (one.tool !== null) === (series.tool !== null || series.in_hand !== null);
+
 /** The trainee's session of the task before this one that counts: when it was recorded, and its value of a feature. */
 function useLastTime(session) {
   const { current: data } = useData(
@@ -99,7 +105,7 @@ function useLastTime(session) {
   const own = data?.sessions.find(step => step.id === session.id)?.number ?? 0;
   const before = data?.sessions.findLast(step => step.number < own && step.set_aside === null);
   const text = one => {
-    const series = data?.features.find(of => of.feature === one.name && (of.tool ?? null) === one.tool && of.space === one.space);
+    const series = data?.features.find(of => of.feature === one.name && of.space === one.space && isOfSameHand(of, one));
     const point = before && series?.points.find(of => of.session === before.number);
     const { value = null, low = null, high = null, is_lower_bound = false } = point || {};
     return value === null ? '–' : inUnit(pointText({ value, low, high, is_lower_bound }), one);

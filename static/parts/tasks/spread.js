@@ -9,46 +9,50 @@ import { featureTitle, reasonText } from '../../translate.js';
 import { Field } from '../forms/form.js';
 import { Empty, Loading, ProblemNotice } from '../page/notice.js';
 import { SpreadPlot } from '../charts/spread_plot.js';
+import { standardInUse } from './standard.js';
 import { spaceChoices, spaceOf } from './space_choice.js';
-import { limitableFeatures, toolChoices } from './standard_target.js';
+import { handChoices, handOrTool, handOrToolQuery, needsPreference } from './hand_choice.js';
+import { limitableFeatures } from './standard_target.js';
 
 const words = t.spread;
 const STEPS = 200;
 const WAIT_MS = 250; // Between the last move of the limit and the request for its effect.
 
-export function Spread({ data: { task, standards, features, cohorts, tools }, onTake }) {
-  const target = standards[0]?.targets[0];
-  const [selection, setSelection] = useState({ feature: target?.feature ?? 'duration', tool: target?.tool ?? '', space: target?.space ?? '3d', hand: target?.made_from?.handedness ?? 'right',
+export function Spread({ data: { task, standards, features, cohorts }, onTake }) {
+  const inUse = standardInUse(standards);
+  const target = inUse?.targets[0];
+  const [selection, setSelection] = useState({ feature: target?.feature ?? 'duration', holder: target ? handOrTool(target) : '', space: target?.space ?? '3d', hand: target?.made_from?.handedness ?? 'right',
     first: '', second: '' });
   const [movedLimit, setMovedLimit] = useState(null);
   const feature = features.find(one => one.name === selection.feature);
-  const tool = feature?.of_tools ? selection.tool : '';
+  const holder = feature?.of_tools ? selection.holder : '';
+  const hand = needsPreference(holder) ? selection.hand : undefined;
   const space = spaceOf(feature, selection.space);
-  const known = targetOf(standards[0], { ...selection, space });
+  const known = targetOf(inUse, { ...selection, holder, space });
   const limit = movedLimit ?? known?.limit ?? null;
   const settled = useSettled(limit);
-  const isReady = !feature || feature.of_session || tool !== '';
+  const isReady = !feature || feature.of_session || holder !== '';
   const groups = [selection.first, selection.second].filter(Boolean).join(',');
   const { data, current, problem, reload } = useData(
-    signal => isReady ? api.tasks.distribution(task.id, { feature: selection.feature, tool, space, cohorts: groups, hand: tool && selection.hand, limit: settled }, signal) : null,
-    [task.id, selection.feature, tool, space, groups, selection.hand, settled, isReady]);
+    signal => isReady ? api.tasks.distribution(task.id, { feature: selection.feature, ...handOrToolQuery(holder), space, cohorts: groups, hand, limit: settled }, signal) : null,
+    [task.id, selection.feature, holder, space, groups, hand, settled, isReady]);
   const set = name => event => {
     setSelection({ ...selection, [name]: event.target.value });
-    if (name === 'feature' || name === 'tool' || name === 'space') setMovedLimit(null);
+    if (name === 'feature' || name === 'holder' || name === 'space') setMovedLimit(null);
   };
   const people = [['', words.everybody], ...cohorts.map(one => [one.code, t.standardForm.cohortOf(one.name, one.people)])];
-  const shown = data && data.feature === selection.feature && (data.tool ?? '') === tool && data.space === space ? data : null;
+  const shown = data && data.feature === selection.feature && handOrTool(data) === holder && data.space === space ? data : null;
   return html`
     <section class="card">
       <header><h2>${words.title}</h2></header>
       <div class="filters">
         <${Field} type="select" label=${words.feature} value=${selection.feature} onInput=${set('feature')}
           options=${limitableFeatures(features).map(one => [one.name, featureTitle(one)])} />
-        ${feature?.of_tools && html`<${Field} type="select" label=${words.tool} value=${tool} onInput=${set('tool')}
-          options=${toolChoices(feature, tools)} />`}
+        ${feature?.of_tools && html`<${Field} type="select" label=${t.standardForm.hand} value=${holder} onInput=${set('holder')}
+          options=${handChoices(feature, holder)} />`}
         ${spaceChoices(feature).length > 0 && html`<${Field} type="select" label=${t.standardForm.space} value=${space} onInput=${set('space')}
           options=${spaceChoices(feature)} />`}
-        ${tool && html`<${Field} type="select" label=${words.hand} value=${selection.hand} onInput=${set('hand')}
+        ${needsPreference(holder) && html`<${Field} type="select" label=${words.hand} value=${selection.hand} onInput=${set('hand')}
           options=${Object.entries(t.trainees.hands)} />`}
         ${cohorts.length > 0 && html`<${Field} type="select" label=${words.first} value=${selection.first} options=${people} onInput=${set('first')} />
           <${Field} type="select" label=${words.second} value=${selection.second} onInput=${set('second')}
@@ -59,13 +63,13 @@ export function Spread({ data: { task, standards, features, cohorts, tools }, on
         <${ProblemNotice} problem=${problem} onRetry=${reload} />
         ${isReady && !shown && !problem && html`<${Loading} />`}
         ${shown && html`<${DistributionView} distribution=${shown} isFresh=${shown === current && limit === settled} limit=${limit} known=${known?.limit} isNovices=${selection.first !== ''} onMove=${setMovedLimit}
-          onTake=${onTake && (() => onTake({ feature: selection.feature, tool, space, limit }))} />`}
+          onTake=${onTake && (() => onTake({ feature: selection.feature, holder, space, limit }))} />`}
       </div>
     </section>`;
 }
 
-const targetOf = (standard, { feature, tool, space }) =>
-  standard?.targets.find(one => one.feature === feature && (one.tool ?? '') === tool && one.space === space);
+const targetOf = (standard, { feature, holder, space }) =>
+  standard?.targets.find(one => one.feature === feature && handOrTool(one) === holder && one.space === space);
 
 /** The value after it has not changed for a moment. */
 function useSettled(value) {

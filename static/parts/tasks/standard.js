@@ -10,6 +10,17 @@ const words = t.task;
 /** The limit as text: `at most 50 s`. */
 export const limitText = target => words.limits[target.better](`${number(target.limit)} ${unit(target.unit)}`.trim());
 
+/** Of a task's versions, newest first, the one that judges recordings that arrive now. */
+export const standardInUse = standards => standards.find(one => !isAhead(one));
+
+const isAhead = ({ valid_from: from }) => from !== null && Date.parse(from) > Date.now();
+
+/** When a version was set and which recordings it judges. */
+const versionText = one => {
+  const from = one.valid_from === null ? words.validFromBeginning : words.validFrom(date(one.valid_from));
+  return `${words.version(one.version)}, ${words.setBy(date(one.created_at), one.who)}; ${from}`;
+};
+
 /** @param {Props} props */
 export function Standard({ standard, onSet }) {
   return html`
@@ -20,7 +31,7 @@ export function Standard({ standard, onSet }) {
           ${standard ? words.changeOne : words.setOne}</button>`}
       </header>
       ${standard ? html`<div class="body stack">
-        <p class="muted">${words.version(standard.version)}, ${words.setBy(date(standard.created_at), standard.who)}</p>
+        <p class="muted">${versionText(standard)}</p>
         <${Targets} targets=${standard.targets} />
         <${RuleAndChart} standard=${standard} />
       </div>` : html`<${Empty} title=${words.noStandard} body=${onSet ? words.noStandardBody : words.noStandardYet} />`}
@@ -33,8 +44,8 @@ export const Targets = ({ targets }) => html`
     <table class="table dense">
       <thead><tr><th scope="col">${words.target}</th><th scope="col">${words.limit}</th><th scope="col">${words.madeFrom}</th></tr></thead>
       <tbody>${targets.map(target => html`
-        <tr key=${`${target.feature} ${target.tool} ${target.space}`}>
-          <th scope="row">${featureWithTool(target)}</th>
+        <tr key=${featureWithTool(target)}>
+          <th scope="row">${featureWithTool(target)}${target.tool && html`<small class="muted">${words.onlyThisTool}</small>`}</th>
           <td><strong>${limitText(target)}</strong>${target.low !== null && html`<small class="muted">
             ${words.between(number(target.low), number(target.high))}</small>`}</td>
           <td>${basisText(target)}${wrongText(target.basis)}<small class="muted">${madeFromText(target.made_from)}</small></td>
@@ -74,7 +85,7 @@ export const StandardHistory = ({ standards }) => html`
     <header><h2>${words.history}</h2></header>
     ${standards.length ? html`<ul class="queue history">${standards.map(standard => html`
       <li key=${standard.id}><details>
-        <summary>${words.version(standard.version)}, ${words.setBy(date(standard.created_at), standard.who)}</summary>
+        <summary>${versionText(standard)}</summary>
         <div class="stack"><${Targets} targets=${standard.targets} /><${RuleAndChart} standard=${standard} /></div>
       </details></li>`)}</ul>` : html`<p class="body muted">${words.historyNone}</p>`}
   </section>`;

@@ -8,7 +8,8 @@ import { reasonText } from '../../translate.js';
 import { focusSoon } from '../forms/focus.js';
 import { Field } from '../forms/form.js';
 import { Notice, ProblemNotice } from '../page/notice.js';
-import { RuleAndChart, Targets } from './standard.js';
+import { RuleAndChart, standardInUse, Targets } from './standard.js';
+import { Effect } from './standard_effect.js';
 import { initialTargets, isSameTarget, newTarget, TargetFields, targetRequest, withChosenLimit } from './standard_target.js';
 
 const words = t.standardForm;
@@ -20,9 +21,10 @@ const RULE = ['in_a_row', 'then_more', 'at_most'];
  * while the form is open is added to it; typed values stay. null: begin with the standard in use.
  */
 export function StandardForm({ data, first, mayMake, onSet, onCancel }) {
-  const inUse = data.standards[0];
+  const inUse = standardInUse(data.standards) ?? data.standards[0];
   const [targets, setTargets] = useState(() => initialTargets(first, data, mayMake));
   const [rule, setRule] = useState(() => ({ in_a_row: '', then_more: '', at_most: '', ...ruleValues(inUse?.rule) }));
+  const [start, setStart] = useState({ from: 'now', day: '' });
   const [proposal, setProposal] = useState(null);
   const [problem, setProblem] = useState(null);
   const [busy, setBusy] = useState(null);
@@ -34,7 +36,8 @@ export function StandardForm({ data, first, mayMake, onSet, onCancel }) {
   }, [first]);
   const chosen = first ? targets.findIndex(target => isSameTarget(target, first)) : -1;
 
-  const body = { targets: targets.map(target => targetRequest(target, data.features)), rule: ruleRequest(rule), charts: inUse?.charts };
+  const body = { targets: targets.map(target => targetRequest(target, data.features)), rule: ruleRequest(rule), charts: inUse?.charts,
+    valid_from: start.from === 'day' ? start.day : start.from };
   const sent = JSON.stringify(body);
   const isFresh = proposal?.sent === sent;
   const run = async (what, work) => {
@@ -66,6 +69,7 @@ export function StandardForm({ data, first, mayMake, onSet, onCancel }) {
         <div><button class="button" type="button" onClick=${() => setTargets([...targets, newTarget(data)])}>
           ${words.addTarget}</button></div>
         <${RuleFields} rule=${rule} onChange=${more => setRule({ ...rule, ...more })} />
+        <${StartFields} start=${start} onChange=${more => setStart({ ...start, ...more })} />
         <${ProblemNotice} problem=${problem} />
         <div class="row">
           <button class=${`button ${isFresh ? '' : 'main'}`} type="submit" disabled=${busy !== null}>
@@ -98,6 +102,18 @@ function RuleFields({ rule, onChange }) {
     </fieldset>`;
 }
 
+/** @param {Props} props */
+const StartFields = ({ start, onChange }) => html`
+  <fieldset class="plain stack tight">
+    <legend class="label">${words.start}</legend>
+    <div class="fields">
+      <${Field} type="select" name="start" label=${words.startFrom} value=${start.from} options=${Object.entries(words.starts)}
+        hint=${words.startHints[start.from]} onInput=${event => onChange({ from: event.target.value })} />
+      ${start.from === 'day' && html`<${Field} type="date" name="day" required label=${words.startDay} value=${start.day}
+        onInput=${event => onChange({ day: event.target.value })} />`}
+    </div>
+  </fieldset>`;
+
 function Proposal({ answer, isFresh, busy, onSet }) {
   const computed = answer.targets.filter(one => one.target).map(one => one.target);
   const withheld = answer.targets.filter(one => !one.target);
@@ -109,6 +125,7 @@ function Proposal({ answer, isFresh, busy, onSet }) {
       ${withheld.map((one, i) => html`<p key=${i} class="notice warn"><span>${words.withheld(words.target(
         answer.targets.indexOf(one) + 1), reasonText(one.withheld))} ${one.withheld.missing ? words.missing(one.withheld.missing) : ''}</span></p>`)}
       <${RuleAndChart} standard=${answer} />
+      ${answer.effect && html`<${Effect} effect=${answer.effect} />`}
       ${withheld.length ? html`<p class="muted">${words.notYet}</p>`
         : html`<div><button class="button main" type="button" disabled=${!isFresh || busy !== null} onClick=${onSet}>
           ${busy === 'set' ? words.setting : words.set}</button></div>`}

@@ -4,13 +4,14 @@ import { number, unit } from '../../format.js';
 import { t } from '../../texts.js';
 import { exerciseTitle, featureTitle } from '../../translate.js';
 import { Field } from '../forms/form.js';
+import { handChoices, handOrTool, handOrToolQuery } from './hand_choice.js';
 import { spaceChoices } from './space_choice.js';
 
 const words = t.standardForm;
 const PEOPLE_METHODS = ['trimmed_experts', 'contrasting_groups', 'best_share'];
 let lastKey = 0;
 
-const EMPTY = { feature: 'duration', tool: '', space: '3d', method: 'fixed', limit: '', preset: '', experts: '', novices: '', cohort: '', share: '25' };
+const EMPTY = { feature: 'duration', holder: '', space: '3d', method: 'fixed', limit: '', preset: '', experts: '', novices: '', cohort: '', share: '25' };
 const makeTarget = more => ({ ...EMPTY, key: (lastKey += 1), ...more });
 
 /**
@@ -24,25 +25,25 @@ export function initialTargets(first, data, mayMake) {
 }
 
 /**
- * The targets with a limit that was chosen elsewhere: it replaces the target of the same feature, tool and space, or is
+ * The targets with a limit that was chosen elsewhere: it replaces the target of the same feature, hand and space, or is
  * added.
  */
-export function withChosenLimit(targets, { feature, tool, space, limit }) {
-  const chosen = makeTarget({ feature, tool, space, limit: String(Number(limit.toPrecision(6))) });
+export function withChosenLimit(targets, { feature, holder, space, limit }) {
+  const chosen = makeTarget({ feature, holder, space, limit: String(Number(limit.toPrecision(6))) });
   const at = targets.findIndex(one => isSameTarget(one, chosen));
   return at < 0 ? [...targets, chosen] : targets.map((one, i) => (i === at ? chosen : one));
 }
 
-export const isSameTarget = (target, { feature, tool, space }) =>
-  target.feature === feature && target.tool === tool && target.space === space;
+export const isSameTarget = (target, { feature, holder, space }) =>
+  target.feature === feature && target.holder === holder && target.space === space;
 
 /** One more target; the first one is usually a published time. */
 export const newTarget = ({ standards, presets }) =>
   makeTarget({ preset: presets[0]?.preset ?? '', method: standards[0] || !presets.length ? 'fixed' : 'fls' });
 
 /** A target in use, as it was made. The people behind its limit are not stored, so they are chosen again. */
-function editableTarget({ feature, tool, space, limit, basis }, { presets }, mayMake) {
-  const common = { feature, tool: tool ?? '', space, limit: String(limit) };
+function editableTarget({ feature, tool, in_hand, space, limit, basis }, { presets }, mayMake) {
+  const common = { feature, holder: handOrTool({ tool, in_hand }), space, limit: String(limit) };
   const preset = presets.find(one => one.feature === feature && one.limit === limit)?.preset;
   if (basis.method === 'external' && preset) return makeTarget({ ...common, method: 'fls', preset });
   const usesPeople = mayMake && PEOPLE_METHODS.includes(basis.method);
@@ -52,8 +53,8 @@ function editableTarget({ feature, tool, space, limit, basis }, { presets }, may
 /** A target as the REST API takes it. */
 export function targetRequest(target, features) {
   const feature = features.find(one => one.name === target.feature);
-  const tool = needsTool(feature, target) ? target.tool : undefined;
-  return { feature: target.feature, tool, space: target.space, by: limitRequest(target, feature) };
+  const holder = feature?.of_tools ? handOrToolQuery(target.holder) : {};
+  return { feature: target.feature, ...holder, space: target.space, by: limitRequest(target, feature) };
 }
 
 function limitRequest({ method, limit, preset, experts, novices, cohort, share }, feature) {
@@ -64,15 +65,10 @@ function limitRequest({ method, limit, preset, experts, novices, cohort, share }
   return { method, limit: Number(limit), unit: feature?.unit ?? '' };
 }
 
-const needsTool = (feature, { tool }) => feature?.of_tools && (!feature.of_session || tool !== '');
-
 /** The features that can have a limit: those where more or less is better. */
 export const limitableFeatures = features => features.filter(feature => feature.better !== 'neither');
 
-/** The tools to choose from; a feature that has one value for the whole session needs none. */
-export const toolChoices = (feature, tools) => [...(feature?.of_session ? [['', words.whole]] : [['', t.target.choose]]), ...tools.map(tool => [tool, tool])];
-
-export function TargetFields({ target, data: { features, presets, cohorts, tools }, mayMake, onChange }) {
+export function TargetFields({ target, data: { features, presets, cohorts }, mayMake, onChange }) {
   const feature = features.find(one => one.name === target.feature);
   const set = name => event => onChange({ [name]: event.target.value });
   const select = (name, label, options, required) => html`<${Field} type="select" label=${label} value=${target[name]} required=${required}
@@ -83,14 +79,14 @@ export function TargetFields({ target, data: { features, presets, cohorts, tools
   const changeFeature = event => {
     const isTime = event.target.value === 'duration'; // Only times have published limits.
     const space = features.find(one => one.name === event.target.value)?.spaces[0];
-    onChange({ feature: event.target.value, tool: '', space, ...(method === 'fls' && !isTime ? { method: 'fixed' } : {}) });
+    onChange({ feature: event.target.value, holder: '', space, ...(method === 'fls' && !isTime ? { method: 'fixed' } : {}) });
   };
   const choices = [['', t.target.choose], ...cohorts.map(one => [one.code, words.cohortOf(one.name, one.people)])];
   return html`
     <div class="fields">
       <${Field} type="select" label=${words.feature} value=${target.feature} onInput=${changeFeature}
         options=${limitableFeatures(features).map(one => [one.name, featureTitle(one)])} />
-      ${feature?.of_tools && select('tool', words.tool, toolChoices(feature, tools), !feature.of_session)}
+      ${feature?.of_tools && select('holder', words.hand, handChoices(feature, target.holder), !feature.of_session)}
       ${spaceChoices(feature).length > 0 && select('space', words.space, spaceChoices(feature), true)}
       ${select('method', words.method, methods, true)}
       ${method === 'fixed' && html`<${Field} type="number" step="any" required label=${words.limit(unit(feature?.unit))}

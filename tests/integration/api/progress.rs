@@ -126,6 +126,7 @@ async fn limits_are_made_from_people_and_say_from_how_many() {
 async fn an_invalid_standard_is_refused_with_the_reason() {
     let centre = Centre::open().await;
     let by = |by: Value| json!({"targets": [{"feature": "duration", "by": by}]});
+    let length = json!({"method": "fixed", "limit": 100, "unit": "mm"});
     let with = |key: &str, value: Value| {
         let mut body = fixed(48.0);
         body[key] = value;
@@ -151,6 +152,10 @@ async fn an_invalid_standard_is_refused_with_the_reason() {
         (with("rule", json!({"in_a_row": 0})), "in_a_row"),
         (with("charts", json!({"adequate": 0.5})), "chances"),
         (with("surprise", json!(1)), "surprise"),
+        (with("valid_from", json!("someday")), "2026-01-05"),
+        (json!({"targets": [{"feature": "path_length", "tool": "red", "in_hand": "left", "by": length}]}), "left out"),
+        (json!({"targets": [{"feature": "synchrony", "in_hand": "left", "by": length}]}), "whole session"),
+        (json!({"targets": [{"feature": "path_length", "in_hand": "third", "by": length}]}), "dominant"),
     ] {
         let refused = problem(centre.instructor.post(STANDARDS, body.clone()).await, 422, "invalid").await;
         assert!(refused["detail"].as_str().unwrap().contains(why), "{body}: {refused}");
@@ -350,4 +355,43 @@ async fn people_are_ranked_among_ten_others_and_left_handers_tools_among_left_ha
         0,
         "the member is erased with the person"
     );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_new_version_counts_from_its_day_and_a_proposal_says_what_it_would_change() {
+    let centre = Centre::open().await;
+    let planter = planter(&centre).await;
+    centre.instructor.make(STANDARDS, fixed(50.0)).await;
+    practise(&planter, [60.0, 40.0]).await;
+    let outcome = || async {
+        let sessions = centre.trainee.read(ADA).await["sessions"].clone();
+        let of = |at: usize| (sessions[at]["trial"].clone(), sessions[at]["standard"].clone());
+        [of(0), of(1)]
+    };
+    let before = outcome().await;
+    assert_eq!(before, [(json!("failed"), json!(1)), (json!("passed"), json!(1))]);
+    let easier = |from: Value| {
+        let mut standard = fixed(100.0);
+        standard["valid_from"] = from;
+        standard
+    };
+    let now = read(centre.instructor.post(PROPOSALS, easier(json!("now"))).await, StatusCode::OK).await;
+    assert_eq!(now["effect"]["trainees"].as_array().unwrap().iter().filter(|one| one["judged_anew"] != 0).count(), 0);
+    let all = read(centre.instructor.post(PROPOSALS, easier(json!("beginning"))).await, StatusCode::OK).await;
+    let touched = &all["effect"]["trainees"][0];
+    assert_eq!((&touched["judged_anew"], &all["effect"]["valid_from"]), (&json!(1), &Value::Null), "{all}");
+    assert_eq!(centre.instructor.read(STANDARDS).await["items"].as_array().unwrap().len(), 1, "nothing is set yet");
+    let other = read(centre.other_instructor.post(PROPOSALS, easier(json!("beginning"))).await, StatusCode::OK).await;
+    assert_eq!(other["effect"]["trainees"], json!([]), "only trainees that the caller may see");
+
+    centre.instructor.make(STANDARDS, easier(Value::Null)).await;
+    assert_eq!(outcome().await, before, "a later version counts from now on if nothing is said");
+    centre.instructor.make(STANDARDS, easier(json!("beginning"))).await;
+    assert_eq!(outcome().await, [(json!("passed"), json!(3)), (json!("passed"), json!(3))]);
+    let versions = centre.trainee.read(STANDARDS).await;
+    assert_eq!(
+        (&versions["items"][0]["valid_from"], &versions["items"][2]["valid_from"]),
+        (&Value::Null, &Value::Null)
+    );
+    assert!(versions["items"][1]["valid_from"].is_string(), "{versions}");
 }
