@@ -312,7 +312,7 @@ CREATE TABLE result (
     trajectory     TEXT NOT NULL REFERENCES blob (hash) ON DELETE RESTRICT,  -- raw, filtered and smoothed paths
     preview        TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- a JPEG of one frame
     created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0)               -- when stored, epoch ms
-, calibration_id TEXT REFERENCES calibration (id) ON DELETE RESTRICT, palette_id TEXT REFERENCES palette (id) ON DELETE RESTRICT, width INTEGER CHECK (width BETWEEN 1 AND 65535), height INTEGER CHECK (height BETWEEN 1 AND 65535), diagnostics TEXT REFERENCES blob (hash) ON DELETE RESTRICT, tracked_with TEXT CHECK (length(tracked_with) BETWEEN 1 AND 64), edits INTEGER NOT NULL DEFAULT 0 CHECK (edits >= 0), clock TEXT CHECK (json_valid(clock)), time_revision INTEGER NOT NULL DEFAULT 0 CHECK (time_revision >= 0), left_tool TEXT CHECK (length(left_tool) BETWEEN 1 AND 64), right_tool TEXT CHECK (length(right_tool) BETWEEN 1 AND 64)) STRICT;
+, calibration_id TEXT REFERENCES calibration (id) ON DELETE RESTRICT, palette_id TEXT REFERENCES palette (id) ON DELETE RESTRICT, width INTEGER CHECK (width BETWEEN 1 AND 65535), height INTEGER CHECK (height BETWEEN 1 AND 65535), diagnostics TEXT REFERENCES blob (hash) ON DELETE RESTRICT, tracked_with TEXT CHECK (length(tracked_with) BETWEEN 1 AND 64), edits INTEGER NOT NULL DEFAULT 0 CHECK (edits >= 0), clock TEXT CHECK (json_valid(clock)), time_revision INTEGER NOT NULL DEFAULT 0 CHECK (time_revision >= 0), left_tool TEXT CHECK (length(left_tool) BETWEEN 1 AND 64), right_tool TEXT CHECK (length(right_tool) BETWEEN 1 AND 64), trocar_middle_mm REAL) STRICT;
 
 CREATE TABLE self_test (
     id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- SelfTestId
@@ -578,6 +578,8 @@ CREATE INDEX result_preview ON result (preview);
 
 CREATE INDEX result_trajectory ON result (trajectory);
 
+CREATE INDEX result_trocar_middle ON result (calibration_id) WHERE trocar_middle_mm IS NOT NULL;
+
 CREATE INDEX self_test_box ON self_test (box_id, id);
 
 CREATE INDEX self_test_calibration ON self_test (calibration_id);
@@ -653,7 +655,8 @@ CREATE TRIGGER person_erased AFTER DELETE ON person BEGIN
 END;
 
 CREATE TRIGGER result_has_hands AFTER INSERT ON result BEGIN
-    UPDATE result SET (left_tool, right_tool) = (SELECT left_tool, right_tool FROM tool_hand WHERE tool_hand.result_id = NEW.id)
+    UPDATE result SET (left_tool, right_tool, trocar_middle_mm) =
+        (SELECT left_tool, right_tool, trocar_middle_mm FROM tool_hand WHERE tool_hand.result_id = NEW.id)
     WHERE id = NEW.id;
 END;
 
@@ -763,11 +766,19 @@ CREATE VIEW standard_record AS
 
 CREATE VIEW tool_hand AS
     SELECT placed.id AS result_id,
-           CASE WHEN placed.by_trocars IS NOT NULL THEN placed.by_trocars ->> '$[0]' ELSE placed.stated_left END AS left_tool,
-           CASE WHEN placed.by_trocars IS NOT NULL THEN placed.by_trocars ->> '$[1]' ELSE placed.stated_right END AS right_tool
+           CASE WHEN placed.by_both IS NOT NULL THEN placed.by_both ->> '$[0]'
+                WHEN placed.offset_mm * placed.offset_mm > 9 * placed.variance_mm2
+                THEN iif(placed.offset_mm < 0, placed.known_tool, placed.other_tool)
+                ELSE placed.stated_left END AS left_tool,
+           CASE WHEN placed.by_both IS NOT NULL THEN placed.by_both ->> '$[1]'
+                WHEN placed.offset_mm * placed.offset_mm > 9 * placed.variance_mm2
+                THEN iif(placed.offset_mm < 0, placed.other_tool, placed.known_tool)
+                ELSE placed.stated_right END AS right_tool,
+           placed.by_both ->> '$[2]' AS trocar_middle_mm
     FROM
         (SELECT result.id,
-                (SELECT json_array(one.value ->> '$.tool', other.value ->> '$.tool')
+                (SELECT json_array(one.value ->> '$.tool', other.value ->> '$.tool',
+                                   ((one.value ->> '$.fulcrum.at_mm[0]') + (other.value ->> '$.fulcrum.at_mm[0]')) / 2)
                  FROM json_each(result.quality, '$.tools') AS one, json_each(result.quality, '$.tools') AS other
                  WHERE json_array_length(result.tools) = 2
                    AND (other.value ->> '$.fulcrum.at_mm[0]') - (one.value ->> '$.fulcrum.at_mm[0]')
@@ -775,14 +786,27 @@ CREATE VIEW tool_hand AS
                    AND ((other.value ->> '$.fulcrum.at_mm[0]') - (one.value ->> '$.fulcrum.at_mm[0]'))
                        * ((other.value ->> '$.fulcrum.at_mm[0]') - (one.value ->> '$.fulcrum.at_mm[0]'))
                        > 9 * ((one.value ->> '$.fulcrum.covariance_mm2[0]') + (other.value ->> '$.fulcrum.covariance_mm2[0]'))
-                ) AS by_trocars,
+                ) AS by_both,
+                alone.trocar ->> '$[0]' AS known_tool, alone.trocar ->> '$[2]' AS variance_mm2,
+                (SELECT value FROM json_each(result.tools) WHERE value <> alone.trocar ->> '$[0]') AS other_tool,
+                (alone.trocar ->> '$[1]')
+                - (SELECT seen.trocar_middle_mm FROM result AS seen
+                   WHERE seen.calibration_id = result.calibration_id AND seen.trocar_middle_mm IS NOT NULL
+                   ORDER BY seen.rowid DESC LIMIT 1) AS offset_mm,
                 (SELECT iif(count(*) = 1, min(tool.value ->> '$.name'), NULL) FROM palette, json_each(palette.tools) AS tool
                  WHERE palette.id = result.palette_id AND tool.value ->> '$.side' = 'left'
                    AND tool.value ->> '$.name' IN (SELECT value FROM json_each(result.tools))) AS stated_left,
                 (SELECT iif(count(*) = 1, min(tool.value ->> '$.name'), NULL) FROM palette, json_each(palette.tools) AS tool
                  WHERE palette.id = result.palette_id AND tool.value ->> '$.side' = 'right'
                    AND tool.value ->> '$.name' IN (SELECT value FROM json_each(result.tools))) AS stated_right
-         FROM result) AS placed;
+         FROM
+             (SELECT result.id AS result_id,
+                     (SELECT iif(count(*) = 1, json_array(min(tool.value ->> '$.tool'), min(tool.value ->> '$.fulcrum.at_mm[0]'),
+                                                          min(tool.value ->> '$.fulcrum.covariance_mm2[0]')), NULL)
+                      FROM json_each(result.quality, '$.tools') AS tool
+                      WHERE json_array_length(result.tools) = 2 AND tool.value ->> '$.fulcrum.at_mm[0]' IS NOT NULL) AS trocar
+              FROM result) AS alone
+         JOIN result ON result.id = alone.result_id) AS placed;
 
 CREATE VIEW tracking_job AS
     SELECT job.* FROM job

@@ -256,6 +256,9 @@ async fn the_effect_names_the_trainees_whose_state_would_change_and_changes_noth
     assert_eq!(centre.store.standards().of_tasks(&Scope::service(), &[centre.task.id]).await.unwrap().len(), 1);
 }
 
+/// A place of a trocar that is not known.
+const UNKNOWN: [f64; 3] = [f64::NAN; 3];
+
 /// The feature of a tool, and the quality document of two tools whose trocars are at these places.
 fn two_tools(values: [(&str, f64); 2], places: [[f64; 3]; 2]) -> (Vec<FeatureRow>, serde_json::Value) {
     let row = |(tool, value): (&str, f64)| FeatureRow {
@@ -287,6 +290,8 @@ async fn a_limit_for_a_hand_holds_in_every_box_and_is_not_judged_where_the_hand_
         (2, [("orange", 150.0), ("cyan", 50.0)], [left, right]),
         (3, [("orange", 50.0), ("cyan", 50.0)], [[0.0, -60.0, 300.0], [1.0, 60.0, 300.0]]), // one above the other
         (4, [("orange", 50.0), ("cyan", 50.0)], [[0.0, 0.0, 300.0], [5.0, 0.0, 300.0]]),    // within their errors
+        (5, [("orange", 150.0), ("cyan", 50.0)], [left, UNKNOWN]),                          // as in the sessions before
+        (6, [("orange", 50.0), ("cyan", 150.0)], [[3.0, 0.0, 300.0], UNKNOWN]),             // near the middle
     ] {
         let (features, quality) = two_tools(values, places);
         centre.practised_as(ana, NOW_MS + day * DAY_MS, features, quality).await;
@@ -294,8 +299,8 @@ async fn a_limit_for_a_hand_holds_in_every_box_and_is_not_judged_where_the_hand_
     let answer = progress(&cohorts).await;
     let trials: Vec<_> = answer.sessions.iter().map(|step| step.trial).collect();
     use TrialName::{Failed, Passed, Unknown};
-    assert_eq!(trials, [Passed, Passed, Failed, Unknown, Unknown].map(Some));
+    assert_eq!(trials, [Passed, Passed, Failed, Unknown, Unknown, Failed, Unknown].map(Some));
     let points: Vec<_> = answer.features[0].points.iter().map(|point| point.value).collect();
-    assert_eq!(points, [50.0, 50.0, 150.0].map(Some), "only sessions whose hand is known");
+    assert_eq!(points, [50.0, 50.0, 150.0, 150.0].map(Some), "only sessions whose hand is known");
     assert_eq!(answer.features[0].of.in_hand, Some(Hand::Left));
 }

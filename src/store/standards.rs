@@ -4,12 +4,15 @@
 use sqlx::types::Json;
 
 use super::audit::note;
-use super::error::{StoreResult, missing, not_found};
+use super::error::{StoreError, StoreResult, missing, not_found};
 use super::visibility::BindScope;
 use super::{Scope, Store};
 use crate::domain::standard::{StandardDefinition, StandardStart};
 use crate::domain::text::Key;
 use crate::ids::{StandardId, TaskId};
+
+/// Maximum number of versions of a task's standard: each is judged at every request for progress.
+const MAX_VERSIONS: i64 = 200;
 
 /// Access to the tasks' standards.
 pub struct StandardStore<'s>(pub(super) &'s Store);
@@ -62,6 +65,9 @@ const INSERT_STANDARD: &str = "
 impl StandardStore<'_> {
     /// Adds a task's next version. If the newest version has the same definition and is valid already, that one is
     /// returned.
+    ///
+    /// # Errors
+    /// The task has [`MAX_VERSIONS`] versions.
     pub async fn add(
         &self,
         scope: &Scope,
@@ -80,8 +86,13 @@ impl StandardStore<'_> {
             };
             newest.definition == definition && is_valid_since
         };
-        if let Some(same) = newest.filter(is_same) {
-            return Ok(same);
+        match newest {
+            Some(same) if is_same(&same) => return Ok(same),
+            Some(newest) if newest.version >= MAX_VERSIONS => {
+                let why = format!("the task has {MAX_VERSIONS} versions of its standard; make a new task");
+                return Err(StoreError::refused(why));
+            }
+            _ => {}
         }
         self.0
             .write(async move |tx| {
