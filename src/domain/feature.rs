@@ -94,6 +94,8 @@ pub struct FeatureInfo {
     pub name: &'static str,
     /// Title for people.
     pub title: &'static str,
+    /// Group of features: `time`, `speed`, `path`, `smoothness`, `movements`, `two_hands` or `view`.
+    pub family: &'static str,
     /// Unit; `1` for shares, counts and ratios.
     pub unit: &'static str,
     /// Which values are better: `lower`, `higher` or `neither`.
@@ -112,12 +114,13 @@ pub struct FeatureInfo {
 
 impl From<&'static Feature> for FeatureInfo {
     fn from(feature: &'static Feature) -> Self {
-        let Feature { name, title, unit, source, .. } = feature;
+        let Feature { name, title, unit, source, family, .. } = feature;
+        let family = family.name();
         let description = feature.describe(&FeatureSettings::default());
         let spaces = feature.spaces.iter().map(|space| FeatureSpace::from(*space)).collect();
         let (better, of_tools, of_session) =
             (feature.direction.name(), feature.has_tool_values(), feature.has_session_value());
-        Self { name, title, unit, better, description, source, spaces, of_tools, of_session }
+        Self { name, title, family, unit, better, description, source, spaces, of_tools, of_session }
     }
 }
 

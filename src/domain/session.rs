@@ -203,6 +203,20 @@ impl FeatureRow {
         features::find(&self.name).ok().map(|feature| feature.needs_depth(self.space.into()))
     }
 
+    /// Which values are better: `lower`, `higher` or `neither`; `None` for a feature that is no longer measured.
+    pub fn better(&self) -> Option<&'static str> {
+        features::find(&self.name).ok().map(|feature| feature.direction.name())
+    }
+
+    /// Whether the value says something, or why its error bar leaves nothing of it; `None` without a value or error
+    /// bar, and for a feature that is no longer measured.
+    pub fn informative(&self) -> Option<Result<(), &'static str>> {
+        let feature = features::find(&self.name).ok()?;
+        let error = self.error.as_ref()?.as_ref().ok()?;
+        let value = *self.value.as_ref().ok()?;
+        Some(feature.too_uncertain(value, [error.low, error.high]).map_or(Ok(()), |why| Err(why.name())))
+    }
+
     /// The value, if it is known on both sides. A lower bound must not be compared with other values.
     pub fn two_sided_value(&self) -> Option<f64> {
         self.value.as_ref().ok().copied().filter(|_| !self.is_lower_bound())

@@ -14,7 +14,7 @@ use crate::motion::PIPELINE_VERSION;
 use crate::motion::assessment::{Assessment, AssessmentSettings, assess};
 use crate::motion::features::errors::NoErrorBar;
 use crate::motion::features::path_error::PathError;
-use crate::motion::features::{FeatureValue, Space};
+use crate::motion::features::{FeatureValue, Space, TooUncertain};
 use crate::motion::quality::{self, QualityInput, QualityVerdict};
 use crate::vision::trajectory::Trajectory;
 
@@ -148,6 +148,7 @@ fn value_json(value: &FeatureValue, tools: &[String]) -> Value {
         "low": bar.map(|bar| bar.low),
         "high": bar.map(|bar| bar.high),
         "is_lower_bound": value.value.is_ok() && value.error == Err(NoErrorBar::AtLeast),
+        "too_uncertain": value.too_uncertain().map(TooUncertain::name),
         "no_error": value.error.err().filter(|_| value.value.is_ok()).map(|reason| reason.to_string()),
         "not_enough": value.value.err().map(|reason| reason.to_string()),
     })

@@ -182,6 +182,16 @@ pub struct FeatureResponse {
     /// True if depth decides the value: it is measured in space, and is no duration and no time of view. `null` if the
     /// feature is no longer measured.
     needs_depth: Option<bool>,
+    /// Which values are better: `lower`, `higher` or `neither`, which describes the style. `null` if the feature is no
+    /// longer measured.
+    better: Option<&'static str>,
+    /// False if the error bar is so wide that the value says nothing. `null` without a value or an error bar, and for a
+    /// feature that is no longer measured. A value that the task's standard judges (`pass` or `fail`) says something.
+    informative: Option<bool>,
+    /// Why it says nothing: `as_large_as_value` (the error is as large as the value), `half_of_range` (the error bar
+    /// covers more than half of all possible values) or `large_factor` (a logarithm: what it was taken of may be off by
+    /// a factor of 2.7). `null` if it says something.
+    too_uncertain: Option<&'static str>,
     /// The limit in the task's standard; `null`: none.
     target: Option<FeatureLimit>,
     /// Judgement of the value by this limit.
@@ -342,6 +352,7 @@ fn named(id: impl ToString, name: impl Into<String>, code: impl Into<String>) ->
 impl From<FeatureRow> for FeatureResponse {
     fn from(row: FeatureRow) -> Self {
         let (family, is_lower_bound, needs_depth) = (row.family(), row.is_lower_bound(), row.needs_depth());
+        let (better, informative) = (row.better(), row.informative());
         let (value, not_enough) = match row.value {
             Ok(value) => (Some(value), None),
             Err(reason) => (None, Some(reason)),
@@ -361,6 +372,9 @@ impl From<FeatureRow> for FeatureResponse {
             no_error,
             is_lower_bound,
             needs_depth,
+            better,
+            informative: informative.map(|known| known.is_ok()),
+            too_uncertain: informative.and_then(Result::err),
             target: None,
             judgement: None,
         }
@@ -385,7 +399,12 @@ impl FeatureResponse {
         let Some((target, stated)) = targets.into_iter().find(|(target, _)| key == target.of) else { return };
         let bar = self.error.map(|error| [error.low, error.high]);
         let (value, is_lower_bound) = (self.value, self.is_lower_bound);
-        self.judgement = Some(target.judge(ValueToJudge { value, bar, is_lower_bound, pipeline, handedness }));
+        let judgement = target.judge(ValueToJudge { value, bar, is_lower_bound, pipeline, handedness });
+        // The whole bar lies on one side of the limit: the value says what the standard asks.
+        if matches!(judgement, Judgement::Pass | Judgement::Fail) && self.informative.is_some() {
+            (self.informative, self.too_uncertain) = (Some(true), None);
+        }
+        self.judgement = Some(judgement);
         let (limit, better, in_hand) = (target.limit, target.better, stated.of.in_hand);
         self.target = Some(FeatureLimit { limit, better, in_hand, standard: standard.version });
     }

@@ -7,11 +7,12 @@ use bytes::Bytes;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use reqwest::{Method, Response, StatusCode, header};
 use serde_json::{Value, json};
+use trocar::domain::session::{FeatureRow, FeatureSpace};
 use trocar::motion::PIPELINE_VERSION;
 use trocar::settings::Settings;
 
 use super::centre::Centre;
-use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
+use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration, measured};
 use crate::process::Process;
 use crate::support::{Client, Service, let_time_pass, problem, read};
 
@@ -223,6 +224,61 @@ async fn centre_with_sessions() -> Centre {
     planter.session(ada, NEW_YEAR_MS + DAY_MS, vec![duration(60.0, 1.0)]).await;
     planter.session(bob, NEW_YEAR_MS, vec![duration(50.0, 3.0)]).await;
     centre
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_value_that_is_lost_in_its_error_bar_says_so_everywhere_unless_the_standard_can_judge_it() {
+    let centre = Centre::open().await;
+    let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
+    let of = |name, unit, value, half| measured(name, unit, Some("orange"), FeatureSpace::Space3d, value, half);
+    let rows = vec![
+        duration(40.0, 1.0),
+        of("path_length", "mm", 270.0, 19.0),
+        of("smoothness", "1/mm²", 0.4, 5.4),
+        of("idle_share", "1", 0.5, 0.3),
+        of("log_dimensionless_jerk", "1", -2.7, 10.0),
+        of("path_ratio", "1", 1.3, 0.5),
+        FeatureRow { error: Some(Err("not stated".to_owned())), ..of("spread", "mm", 4.0, 1.0) },
+        of("wizardry", "1", 1.0, 5.0),
+    ];
+    planter.session(planter.trainee("ada").await, NEW_YEAR_MS, rows).await;
+    let limit =
+        json!({"feature": "path_ratio", "tool": "orange", "by": {"method": "fixed", "limit": 2.0, "unit": "1"}});
+    let path = format!("/api/v1/sessions/{}", session_of(&centre.trainee, "ada").await);
+    let said = async || {
+        let session = centre.trainee.read(&path).await;
+        let rows = session["features"].as_array().unwrap().clone();
+        rows.into_iter().map(|one| json!([one["name"], one["informative"], one["too_uncertain"]])).collect::<Vec<_>>()
+    };
+    let uncertain = |name: &str, why: &str| json!([name, false, why]);
+    let mut expected = vec![
+        json!(["duration", true, null]),
+        json!(["path_length", true, null]),
+        uncertain("smoothness", "as_large_as_value"),
+        uncertain("idle_share", "half_of_range"),
+        uncertain("log_dimensionless_jerk", "large_factor"),
+        uncertain("path_ratio", "as_large_as_value"),
+        json!(["spread", null, null]),
+        json!(["wizardry", null, null]),
+    ];
+    assert_eq!(said().await, expected);
+    let table = centre.trainee.read(&format!("{path}/features")).await;
+    let column: Vec<&Value> = table["items"].as_array().unwrap().iter().map(|row| &row["too_uncertain"]).collect();
+    assert_eq!(column, expected.iter().map(|one| &one[2]).collect::<Vec<_>>());
+
+    let standard = json!({"targets": [limit], "rule": {"in_a_row": 1, "then_more": 0}});
+    centre.administrator.make("/api/v1/tasks/peg/standards", standard).await;
+    expected[5] = json!(["path_ratio", true, null]);
+    assert_eq!(said().await, expected, "the whole bar keeps the limit, so the value says what the standard asks");
+
+    let session = centre.trainee.read(&path).await;
+    let families = centre.trainee.read("/api/v1/features").await;
+    let listed = families["items"].as_array().unwrap().iter().find(|one| one["name"] == "idle_share").unwrap().clone();
+    let shown = session["features"].as_array().unwrap().iter().find(|one| one["name"] == "idle_share").unwrap();
+    for key in ["family", "better"] {
+        assert_eq!(listed[key], shown[key], "{key}");
+    }
+    assert_eq!((&shown["family"], &shown["better"]), (&json!("time"), &json!("lower")));
 }
 
 async fn session_of(client: &Client, trainee: &str) -> String {

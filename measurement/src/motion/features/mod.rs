@@ -18,6 +18,7 @@ pub mod fit;
 pub mod fulcrum;
 mod habit;
 pub(crate) mod hull;
+mod informative;
 pub mod motion;
 pub mod movement;
 mod not_enough;
@@ -42,6 +43,7 @@ pub mod view;
 
 pub use family::Family;
 pub use habit::Habit;
+pub use informative::TooUncertain;
 pub use not_enough::NotEnough;
 pub use settings::{FeatureSettings, MOVEMENT_END_RATIO};
 
@@ -205,6 +207,14 @@ pub struct FeatureValue {
     pub value: FeatureResult,
     /// The error bar, or why there is none.
     pub error: Result<ErrorBar, NoErrorBar>,
+}
+
+impl FeatureValue {
+    /// Why the value says nothing; `None` if it says something, and without a value or an error bar.
+    pub fn too_uncertain(&self) -> Option<TooUncertain> {
+        let (value, bar) = (self.value.ok()?, self.error.ok()?);
+        self.feature.too_uncertain(value, [bar.low, bar.high])
+    }
 }
 
 /// Every feature, in reading order: family by family.

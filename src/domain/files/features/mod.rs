@@ -11,6 +11,7 @@
 //! | `value` `low` `high` | the value, and the bounds that hold the true value in 95 of 100 sessions |
 //! | `not_enough` `no_error` | why there is no value, or no error bar |
 //! | `pipeline` `tracked_with` `calibration` `palette` `model` | versions that the value depends on |
+//! | `too_uncertain` | why the error bar leaves nothing of the value; absent: it says something, or has no error bar |
 //!
 //! An absent value is an empty field in CSV, `null` in JSON and a null in Parquet. A number is written in the shortest
 //! form that reads back to the same number. In CSV, an apostrophe precedes a text that a spreadsheet would calculate.
@@ -27,7 +28,7 @@ use serde::Serialize;
 use crate::domain::session::{FeatureRow, Versions};
 
 /// Names of the columns, in order.
-pub const COLUMNS: [&str; 21] = [
+pub const COLUMNS: [&str; 22] = [
     "session",
     "trainee",
     "task",
@@ -49,6 +50,7 @@ pub const COLUMNS: [&str; 21] = [
     "calibration",
     "palette",
     "model",
+    "too_uncertain",
 ];
 
 /// The session's fields that each of its rows repeats.
@@ -98,6 +100,7 @@ pub struct ExportRow {
     pub calibration: Option<String>,
     pub palette: Option<String>,
     pub model: Option<String>,
+    pub too_uncertain: Option<&'static str>,
 }
 
 /// Characters that begin a formula in a spreadsheet, also in a quoted cell.
@@ -162,6 +165,7 @@ impl ExportRow {
             calibration: versions.calibration.map(|id| id.to_string()),
             palette: versions.palette.map(|id| id.to_string()),
             model: versions.model,
+            too_uncertain: feature.informative().and_then(Result::err),
         }
     }
 }

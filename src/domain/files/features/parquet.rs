@@ -34,6 +34,7 @@ const SCHEMA: &str = "message features {
     OPTIONAL BYTE_ARRAY calibration (STRING);
     OPTIONAL BYTE_ARRAY palette (STRING);
     OPTIONAL BYTE_ARRAY model (STRING);
+    OPTIONAL BYTE_ARRAY too_uncertain (STRING);
 }";
 
 /// A Parquet file that is written in batches.
@@ -91,7 +92,8 @@ fn write_columns(
     write_optional(group, rows, |row| row.tracked_with.as_deref())?;
     write_optional(group, rows, |row| row.calibration.as_deref())?;
     write_optional(group, rows, |row| row.palette.as_deref())?;
-    write_optional(group, rows, |row| row.model.as_deref())
+    write_optional(group, rows, |row| row.model.as_deref())?;
+    write_optional(group, rows, |row| row.too_uncertain)
 }
 
 fn write_required(

@@ -90,6 +90,7 @@ fn no_text_in_csv_begins_like_a_formula() {
         calibration: Some(text()),
         palette: Some(text()),
         model: Some("\rx".to_owned()),
+        too_uncertain: Some("half_of_range"),
     };
     let written = |format| {
         let mut table = FeatureTable::new(format).unwrap();
@@ -105,6 +106,7 @@ fn no_text_in_csv_begins_like_a_formula() {
             "value" => assert_eq!(cell, "-0.5"),
             "low" => assert_eq!(cell, "-1.5"),
             "high" => assert_eq!(cell, ""),
+            "too_uncertain" => assert_eq!(cell, "half_of_range"),
             _ => assert!(cell.starts_with('\''), "{column}: {cell:?}"),
         }
     }
