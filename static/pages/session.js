@@ -62,12 +62,17 @@ export default function Session({ person, route }) {
       <${SetAside} session=${session} edits=${edits} />
       <${Retimed} session=${session} edits=${edits} />
       ${session.status === 'done' && html`<${OutcomeCard} session=${session} />`}
-      ${session.status === 'done' && html`<${Verdict} quality=${session.quality} /><${Skill} verdict=${session.verdict} />`}
-      <${Moves} session=${session} />
+      ${session.status === 'done' && !isValid(session) && html`<${Verdict} quality=${session.quality} />`}
       ${session.status !== 'receiving' && html`<${ReviewLoader} key=${`${session.id} ${session.status}`} session=${session}
         person=${person} edits=${edits} start=${Number(route.query.get('t')) || 0} onEdited=${() => (readEdits(), reload())} />`}
+      ${session.status === 'done' && html`${isValid(session) && html`<${Verdict} quality=${session.quality} />`}<${Skill}
+        verdict=${session.verdict} />`}
+      <${Moves} session=${session} />
     </div>`;
 }
+
+/** Whether the numbers are reliable without any doubt. Only doubts precede the video. */
+const isValid = session => session.quality?.verdict === 'valid';
 
 /** Why a live recording ended before its sender meant it to. @param {Props} props */
 const EarlyEnd = ({ session: { early_end: early } }) => early && html`

@@ -103,8 +103,9 @@ test('where depth is poor, the values in the image come first, and what needs de
   await notice.waitFor();
   assert.match(await notice.innerText(), /off by 52%, lengths in the image by 12%/);
   assert.equal(await page.getByRole('button', { name: 'In the image', exact: true }).getAttribute('aria-pressed'), 'true');
-  const groups = page.locator('.fourth table tbody');
-  const column = (await page.locator('.fourth thead th').allInnerTexts()).indexOf(image.tool);
+  await page.getByRole('button', { name: 'Show all features' }).click();
+  const groups = page.locator('.fourth .fold');
+  const column = (await page.locator('.fourth thead').first().locator('th').allInnerTexts()).indexOf(image.tool);
   const shown = title => groups.locator('tr', { has: page.locator('th', { hasText: title }) }).first().locator('td').nth(column - 1).innerText();
   const [length] = (await shown('Path length')).split('±').map(text => Number(text.trim().replaceAll(',', '')));
   assert.ok(Math.abs(length - image.value) <= 0.05 * image.value, `page ${length}, REST ${image.value} in the image`);
@@ -112,6 +113,56 @@ test('where depth is poor, the values in the image come first, and what needs de
   assert.equal(await deep.count(), 1);
   assert.equal(await groups.last().innerText(), await deep.innerText(), 'they follow at the end');
   assert.match(await shown('Working volume'), /± 60\s*too uncertain to compare/);
+  await page.getByRole('button', { name: 'Fold the families' }).click();
+  await page.unroute(address);
+  await page.reload();
+  await page.locator('.plots canvas').first().waitFor();
+});
+
+test('the most used measures come first, and each family is a fold that stays as it was left and is printed', async () => {
+  const address = `**/api/v1/sessions/${session}`;
+  const { features } = await getJson(`sessions/${session}`);
+  const uncertain = features.find(one => one.name === 'mean_velocity' && one.space === '3d' && one.value !== null);
+  await page.route(address, async route => {
+    const answer = await route.fetch();
+    const data = await answer.json();
+    for (const one of data.features) Object.assign(one, { informative: true, too_uncertain: null });
+    const same = one => one.name === uncertain.name && one.space === '3d';
+    for (const one of data.features.filter(same)) Object.assign(one, { informative: false, too_uncertain: 'as_large_as_value' });
+    const duration = data.features.find(one => one.name === 'duration' && one.tool === null);
+    Object.assign(duration, { value: 8.2, not_enough: null, no_error: null, is_lower_bound: false, error: { sigma: 0.54, low: 7.1, high: 9.3, as_measured: 8.2 },
+      target: { limit: 9, better: 'lower', standard: 1 }, judgement: 'undecided' });
+    await route.fulfill({ response: answer, json: data });
+  });
+  await page.reload();
+  await page.getByRole('button', { name: 'In space', exact: true }).click();
+  const fold = title => page.locator('.fold', { has: page.locator('summary', { hasText: title }) });
+  const openFolds = () => page.locator('.fold[open] > summary > span').allInnerTexts();
+  const titles = part => part.locator('tbody th[scope=row]').evaluateAll(cells => cells.map(cell => cell.textContent.trim()));
+  assert.deepEqual(await openFolds(), ['The standard and the most used measures']);
+  assert.deepEqual(await titles(fold('The standard')), ['Duration', 'Path length', 'Depth travelled', 'Log dimensionless jerk', 'Idle share']);
+  const undecided = '8.2 ± 1.1 s against at most 9 s: the error bar reaches past the limit, so it counts neither as kept nor as missed; with the same error, at most 7.9 s would be kept.';
+  for (const place of ['.fourth', '.outcome-card']) assert.equal(await page.locator(place).getByText(undecided).count(), 1, place);
+  await page.locator('.fourth .meaning', { hasText: 'How long the attempt took' }).getByText('Lower is better.').waitFor();
+  await page.locator('.how summary').first().click();
+  await page.locator('.how').first().getByText('Time from the moment that the first tool starts to move').waitFor();
+
+  await fold('Speed').locator('summary').first().press('Enter');
+  const speed = await titles(fold('Speed'));
+  assert.equal(speed.at(-1), uncertain.title, 'what says nothing follows the others of its family');
+  const row = fold('Speed').locator('tr', { has: page.locator('th', { hasText: uncertain.title }) });
+  await row.locator('td.faint', { hasText: 'too uncertain' }).first().waitFor();
+  assert.match(await fold('Speed').locator('.note').first().innerText(), /too uncertain to say something: the error is as large as the value\.$/i);
+  assert.deepEqual(await violationsOf(page), []);
+
+  await page.reload();
+  await fold('Speed').waitFor();
+  assert.deepEqual(await openFolds(), ['The standard and the most used measures', 'Speed'], 'the fold stays open');
+  await page.evaluate(() => dispatchEvent(new Event('beforeprint')));
+  assert.equal(await page.locator('.fold:not([open])').count(), 0, 'a printout shows all');
+  await page.evaluate(() => dispatchEvent(new Event('afterprint')));
+  assert.equal((await openFolds()).length, 2);
+  await takePictures('03-features');
   await page.unroute(address);
   await page.reload();
   await page.locator('.plots canvas').first().waitFor();
@@ -194,6 +245,7 @@ test('a feature shows the seconds that determined it, by keyboard, and a click s
   const { items } = await getJson('features');
   const title = items.find(feature => feature.name === evidence.feature).title;
   const opener = page.getByRole('button', { name: title, exact: true });
+  if (await opener.isHidden()) await page.getByRole('button', { name: 'Show all features' }).click();
   await opener.focus();
   await page.keyboard.press('Enter');
   assert.equal(await opener.getAttribute('aria-expanded'), 'true');

@@ -108,10 +108,10 @@ const cells = locator =>
   locator.locator('tbody tr').evaluateAll(rows => rows.map(row => [...row.cells].map(cell => cell.textContent.replace(/\s+/g, ' ').trim())));
 
 /**
- * The feature table as `{ 'feature, tool': 'value|not enough|error|limit|place|live value' }`, one entry for each cell.
+ * The feature tables of all folds as `{ 'feature, tool': 'value|not enough|error|limit|place|live value' }`, one entry for each cell.
  */
 const featureCells = () =>
-  page.locator('.fourth table').evaluate(table => {
+  page.locator('.fourth table').evaluateAll(tables => tables.flatMap(table => {
     const own = node => [...node.childNodes].filter(child => child.nodeType === 3).map(child => child.textContent).join('').trim();
     const columns = [...table.tHead.rows[0].cells].slice(1, -1).map(cell => cell.textContent.trim());
     return [...table.querySelectorAll('tbody tr')].filter(row => row.cells.length === columns.length + 2).flatMap(row =>
@@ -121,7 +121,7 @@ const featureCells = () =>
         const said = ['.not-enough', '.off', '.limit', '.place', '.told-live'].map(part => cell.querySelector(`:scope > ${part}`)?.textContent.trim() ?? '');
         return [`${title}, ${column}`, [own(cell), ...said].join('|')];
       }));
-  }).then(Object.fromEntries);
+  })).then(Object.fromEntries);
 
 // The figures of each page, as `[name, text on the page, text expected from REST]`.
 

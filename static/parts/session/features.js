@@ -7,13 +7,15 @@ import { Empty } from '../page/notice.js';
 import { CohortChooser, CohortPlace } from './cohort_places.js';
 import { featuresIn, firstSpace, isTooUncertain, PoorDepth } from './compared_space.js';
 import { featureKey, Stretches } from './evidence.js';
+import { featureParts, Fold, FoldAll, useFolds } from './feature_folds.js';
+import { isUninformative, Meaning, valueNotes } from './feature_notes.js';
 import { withError } from '../../with_error.js';
 
 const words = t.session;
 
 /**
- * One row per feature, in the order of the service: `{ name, title, family, unit, space, needsDepth, byTool: { tool →
- * feature } }`. All features of a name have one space; live features have none.
+ * One row per feature, in the order of the service: `{ name, title, family, unit, space, needsDepth, better, byTool: {
+ * tool → feature } }`. All features of a name have one space; live features have none.
  */
 export function featureRows(features) {
   const rows = new Map();
@@ -26,6 +28,7 @@ export function featureRows(features) {
         unit: feature.unit,
         space: feature.space,
         needsDepth: feature.needs_depth,
+        better: feature.better,
         byTool: new Map(),
       });
     rows.get(feature.name).byTool.set(feature.tool, feature);
@@ -38,6 +41,7 @@ export function Features({ session, places, evidence, playback }) {
   const { features, live_features: live, tools } = session;
   const [open, setOpen] = useState(null);
   const [chosen, setChosen] = useState(null);
+  const folds = useFolds();
   const space = chosen ?? firstSpace(session);
   const withheld = session.quality?.verdict === 'refused';
   if (withheld) return html`<${Empty} title=${words.withheld} body=${words.withheldBody} />`;
@@ -45,6 +49,7 @@ export function Features({ session, places, evidence, playback }) {
   const rows = featureRows(featuresIn(features, space));
   const hasSessionFeatures = rows.some(row => row.byTool.has(null));
   const columns = [...tools, ...(hasSessionFeatures ? [null] : [])];
+  const parts = featureParts(rows, space);
   const general = generalReasons(rows);
   const liveRows = new Map(space === '3d' ? featureRows(live ?? []).map(row => [row.name, row.byTool]) : []);
   const spaces = ['3d', 'image'].filter(name => features.some(feature => feature.space === name));
@@ -63,38 +68,49 @@ export function Features({ session, places, evidence, playback }) {
     <${CohortChooser} places=${places} />
     ${liveRows.size > 0 && html`<p class="small muted chooser">${words.liveDiffers}</p>`}
     ${general.map(why => html`<p key=${why} class="small muted chooser" lang=${serviceLang}>${why}</p>`)}
-    <div class="scroll" tabindex="0" role="region" aria-label=${words.features}>
-      <table class="table dense">
-        <thead>
-          <tr>
-            <th scope="col">${words.feature}</th>
-            ${columns.map(tool => html`<th key=${tool} scope="col" class="number">${tool ?? words.both}</th>`)}
-            <th scope="col"><span class="unseen">${words.unit}</span></th>
-          </tr>
-        </thead>
-        ${groups(rows, space).map(([group, title, members]) => html`
-          <tbody key=${group}>
-            ${title && html`<tr><th class="family" scope="rowgroup" colspan=${columns.length + 2}>${title}</th></tr>`}
-            ${members.map(row => html`
-              <tr key=${row.name}>
-                <th scope="row"><${Title} row=${row} evidence=${evidence} open=${open === row.name}
-                  onToggle=${stretch => toggle(row, stretch)} />${whyNot(row)
-                  .filter(why => !general.includes(why))
-                  .map(why => html`<small key=${why} lang=${serviceLang}>${why}</small>`)}<${Definition} row=${row} /></th>
-                ${columns.map(tool => html`<td key=${tool} class="number"><${Value}
-                  feature=${row.byTool.get(tool)} answer=${places.answer} /><${LiveValue} feature=${liveRows.get(row.name)?.get(tool)} /></td>`)}
-                <td class="unit">${unit(row.unit)}</td>
-              </tr>
-              ${open === row.name && html`
-                <tr key=${`${row.name} seconds`} class="seconds"><td colspan=${columns.length + 2}>
-                  ${columns.filter(tool => rowOf(evidence, row, tool)).map(tool => html`
-                    <div key=${tool} class="row seconds-row">${tool && html`<strong class="small">${tool}</strong>`}
-                      <${Stretches} row=${rowOf(evidence, row, tool)} playback=${playback} /></div>`)}
-                </td></tr>`}`)}
-          </tbody>`)}
-      </table>
-    </div>`;
+    <div class="row chooser fold-all"><${FoldAll} parts=${parts} folds=${folds} /></div>
+    ${parts.map(part => html`<${Fold} key=${part.key} part=${part} folds=${folds}>
+      <${PartTable} part=${part} columns=${columns} general=${general} open=${open} toggle=${toggle} evidence=${evidence}
+        playback=${playback} places=${places} liveRows=${liveRows} /><//>`)}`;
 }
+
+/** The table of one part. All parts have the same columns. @param {Props} props */
+const PartTable = ({ part, columns, ...of }) => html`
+  <div class="scroll" tabindex="0" role="region" aria-label=${part.title}>
+    <table class="table dense features">
+      <thead>
+        <tr>
+          <th scope="col">${words.feature}</th>
+          ${columns.map(tool => html`<th key=${tool} scope="col" class="number">${tool ?? words.both}</th>`)}
+          <th scope="col" class="unit"><span class="unseen">${words.unit}</span></th>
+        </tr>
+      </thead>
+      <tbody>${part.rows.map(row => html`<${Row} key=${row.name} row=${row} columns=${columns} ...${of} />`)}</tbody>
+    </table>
+  </div>`;
+
+/** One feature; below it what is to be said about it, and the seconds that made it. @param {Props} props */
+const Row = ({ row, columns, general, open, toggle, evidence, playback, places, liveRows }) => html`
+  <tr>
+    <th scope="row"><${Title} row=${row} evidence=${evidence} open=${open === row.name}
+      onToggle=${stretch => toggle(row, stretch)} />${whyNot(row)
+      .filter(why => !general.includes(why))
+      .map(why => html`<small key=${why} lang=${serviceLang}>${why}</small>`)}</th>
+    ${columns.map(tool => html`<td key=${tool} class=${`number ${isFaint(row.byTool.get(tool)) ? 'faint' : ''}`}><${Value}
+      feature=${row.byTool.get(tool)} answer=${places.answer} /><${LiveValue} feature=${liveRows.get(row.name)?.get(tool)} /></td>`)}
+    <td class="unit">${unit(row.unit)}</td>
+  </tr>
+  <tr class="about"><td colspan=${columns.length + 2}>
+    ${valueNotes(row).map(note => html`<small key=${note} class="note">${note}</small>`)}<${LowerBound} row=${row} />
+    <${Meaning} row=${row} /></td></tr>
+  ${open === row.name && html`
+    <tr key=${`${row.name} seconds`} class="seconds"><td colspan=${columns.length + 2}>
+      ${columns.filter(tool => rowOf(evidence, row, tool)).map(tool => html`
+        <div key=${tool} class="row seconds-row">${tool && html`<strong class="small">${tool}</strong>`}
+          <${Stretches} row=${rowOf(evidence, row, tool)} playback=${playback} /></div>`)}
+    </td></tr>`}`;
+
+const isFaint = feature => Boolean(feature && isUninformative(feature));
 
 const rowOf = (evidence, row, tool) => evidence?.get(featureKey(row.name, tool, row.space));
 
@@ -108,25 +124,9 @@ function Title({ row, evidence, open, onToggle }) {
     onClick=${() => onToggle(withStretches[0]?.stretches[0])}>${row.title}</button>`;
 }
 
-/** What a feature means, where that is not clear from its name, and what a lower bound means. @param {Props} props */
-const Definition = ({ row }) => html`
-  ${words.definitions[row.name] && html`<small>${words.definitions[row.name]}</small>`}
-  ${[...row.byTool.values()].some(feature => feature.is_lower_bound) && html`<small>${words.atLeastMeans}</small>`}`;
-
-/** `[key, title, rows]`: family by family. In the image, what needs depth follows at the end. */
-function groups(rows, space) {
-  const isDeep = row => space === 'image' && row.needsDepth;
-  const [flat, deep] = [rows.filter(row => !isDeep(row)), rows.filter(isDeep)];
-  const ofFamilies = families(flat).map(([family, members]) => [family, words.families[family], members]);
-  return deep.length ? [...ofFamilies, ['depth', words.comparedSpace.needDepth, deep]] : ofFamilies;
-}
-
-/** `[family, rows]`, each in the order of its first row. */
-function families(rows) {
-  const heads = new Map();
-  for (const row of rows) heads.set(row.family, [...(heads.get(row.family) ?? []), row]);
-  return [...heads];
-}
+/** What a lower bound means. @param {Props} props */
+const LowerBound = ({ row }) => [...row.byTool.values()].some(feature => feature.is_lower_bound) &&
+  html`<small>${words.atLeastMeans}</small>`;
 
 /**
  * Why values are missing, shown under the title, where there is space; the cell only says that there is no number. A
@@ -171,9 +171,17 @@ function Uncertainty({ feature: { error, no_error: why }, half }) {
   return html`<small class="off" title=${explanation} aria-label=${explanation}>${words.off(half)}</small>`;
 }
 
-/** That a value which needs depth may be off by so much that it is not worth a comparison. @param {Props} props */
-const TooUncertain = ({ feature }) => isTooUncertain(feature) && html`
-  <small class="too-uncertain" title=${words.comparedSpace.tooUncertainMeans}>${words.comparedSpace.tooUncertain}</small>`;
+/**
+ * That the error leaves nothing of a value, or that one which needs depth may be off by so much that it is not worth a
+ * comparison.
+ *
+ * @param {Props} props
+ */
+const TooUncertain = ({ feature }) => {
+  if (isUninformative(feature)) return html`<small class="says-nothing">${words.saysNothing}</small>`;
+  return isTooUncertain(feature) && html`
+    <small class="too-uncertain" title=${words.comparedSpace.tooUncertainMeans}>${words.comparedSpace.tooUncertain}</small>`;
+};
 
 /** A value that the recording shows only in part. @param {Props} props */
 const AtLeast = ({ feature }) => html`<span title=${words.atLeastMeans}>${words.atLeast(number(feature.value))}</span>`;

@@ -10,6 +10,7 @@ import { featureTitle, featureWithTool, handText } from '../../translate.js';
 import { pointText, withError } from '../../with_error.js';
 import { outcomeOf, StatusPill } from '../page/status.js';
 import { featuresIn, firstSpace } from './compared_space.js';
+import { isUninformative, undecidedText, uninformativeText } from './feature_notes.js';
 import { evidenceByFeature, featureKey, stretchName } from './evidence.js';
 
 const words = t.outcome;
@@ -49,8 +50,9 @@ function Card({ session, outcome, limited, rows }) {
           <tbody>${rows.map(one => html`
             <tr key=${featureKey(one.name, one.tool, one.space)}>
               <th scope="row">${limited.length ? featureWithTool(one) : [featureTitle(one), handText(one)].filter(Boolean).join(', ')}</th>
-              <td class="number">${valueText(one)}</td>
-              ${limited.length > 0 && html`<td><${Limit} one=${one} />
+              <td class=${`number ${isUninformative(one) ? 'faint' : ''}`}>${valueText(one)}${
+                isUninformative(one) && html`<small class="says-nothing">${uninformativeText(one)}</small>`}</td>
+              ${limited.length > 0 && html`<td><${Limit} one=${one} /><${Undecided} one=${one} />
                 <${Where} session=${session} row=${evidence?.get(featureKey(one.name, one.tool, one.space))} one=${one} /></td>`}
               <td class="number muted">${last.text(one)}</td>
             </tr>`)}</tbody>
@@ -74,6 +76,9 @@ function valueText(one) {
 const Limit = ({ one: { target, judgement, unit: of } }) => html`
   <span class=${`limit ${judgement}`}>${inUnit(t.report.limits[target.better](number(target.limit)), { unit: of })}: ${
     t.report.judgements[judgement ?? '']}</span>`;
+
+/** Why a limit is neither kept nor missed, and what would keep it. @param {Props} props */
+const Undecided = ({ one }) => undecidedText(one) && html`<small class="undecided-why">${undecidedText(one)}</small>`;
 
 /** A link to the stretch that contributed most to a missed value. @param {Props} props */
 const Where = ({ session, row, one }) => {

@@ -91,11 +91,11 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
             <div class="under-curves"><${SpanBar} playback=${playback} /><${GhostChooser} chooser=${chooser} /></div>
             <p class="small muted keys">${words.curvesHint}</p>
           </section>`}
-        <${Edits} session=${session} person=${person} edits=${edits} playback=${playback} tools=${tools} onEdited=${onEdited} />
         ${advice && html`<div class="advised"><${Advice} advice=${advice} playback=${playback} /></div>`}
         ${session.status === 'done' && html`<section class="card fourth"><header><h2>${words.features}</h2></header>
           ${evidence?.features === null && html`<p class="small muted chooser">${words.evidence.notKept}</p>`}
           <${MeasuredFeatures} session=${session} evidence=${evidence?.map} playback=${playback} /></section>`}
+        <${Edits} session=${session} person=${person} edits=${edits} playback=${playback} tools=${tools} onEdited=${onEdited} />
       </div>
     </div>`;
 }
