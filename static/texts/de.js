@@ -825,7 +825,7 @@ export default {
     uninformative: {
       as_large_as_value: 'die Unsicherheit ist so groß wie der Wert',
       half_of_range: 'der Fehlerbalken deckt mehr als die Hälfte aller möglichen Werte ab',
-      large_factor: 'wofür der Logarithmus steht, kann 2,7-mal größer oder kleiner sein',
+      large_factor: 'er ist ein Logarithmus, und sein Fehler ist ein Faktor von 2,7 oder mehr nach oben und unten',
     },
     undecidedMeans: (value, limit, kept) => `${value}; Grenzwert ${limit}: Der Fehlerbalken reicht über den Grenzwert hinaus, daher zählt der Wert weder als eingehalten noch als verfehlt${kept}.`,
     wouldBeKept: limit => `; bei gleicher Unsicherheit wäre er mit ${limit} eingehalten`,

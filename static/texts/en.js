@@ -723,7 +723,7 @@ export default {
     uninformative: {
       as_large_as_value: 'the error is as large as the value',
       half_of_range: 'the error bar covers more than half of all possible values',
-      large_factor: 'what its logarithm stands for may be 2.7 times larger or smaller',
+      large_factor: 'it is a logarithm, and its error is a factor of 2.7 or more, up or down',
     },
     undecidedMeans: (value, limit, kept) => `${value} against ${limit}: the error bar reaches past the limit, so it counts neither as kept nor as missed${kept}.`,
     wouldBeKept: limit => `; with the same error, ${limit} would be kept`,

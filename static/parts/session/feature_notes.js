@@ -1,4 +1,4 @@
-// What is said about a feature besides its number: what it says about the trainee and which side is better, how it is
+// The words beside the number of a feature: what it says about the trainee and which side is better, how it is
 // measured, why a value says nothing, and why a limit is neither kept nor missed.
 import { html, useState } from '../../preact.js';
 import { api } from '../../api.js';

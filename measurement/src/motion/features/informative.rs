@@ -28,7 +28,7 @@ const LOGARITHMS: [&Feature; 1] = [&per_movement::LOG_DIMENSIONLESS_JERK];
 /// A bar wider than this share of the possible values says nothing.
 const MAX_RANGE_SHARE: f64 = 0.5;
 
-/// Half the width of a logarithm's bar from which it says nothing: a factor of 2.7.
+/// A logarithm says nothing if half of its bar is at least this wide: a factor of 2.7.
 const MAX_LOG_ERROR: f64 = 1.0;
 
 /// Why a value says nothing.
