@@ -19,7 +19,7 @@
 //! | 0 base | [`time`] [`ids`] [`shutdown`] [`heap`] [`random`] | any other module |
 //! | 1 pure | [`numbers`] ← [`vision`] ← [`motion`] ← [`statistics`]; [`simulation`]; [`checks`] | tokio, axum, sqlx, ffmpeg, `std::{fs, net, env, thread}`, the clock, `serde_json` and other formats |
 //! | 2 domain | [`domain`] | tokio, axum, sqlx, ffmpeg, files, network |
-//! | 3 adapters | [`media`] [`store`] [`vault`] [`sandbox`] | axum, each other; sqlx only in `store`, ffmpeg only in `media` |
+//! | 3 adapters | [`media`] [`store`] [`vault`] [`sandbox`] [`identity_provider`] | axum, each other; sqlx only in `store`, ffmpeg only in `media` |
 //! | 4 services | [`queue`] [`analysis`] [`intake`] [`live`] [`capture`] [`cohorts`] [`rescoring`] [`events`] [`upkeep`] | axum, sqlx, ffmpeg |
 //! | 5 outside | [`http`] [`commands`] [`settings`] | `http` names neither sqlx nor the science |
 //!
@@ -57,6 +57,7 @@ pub use measurement::{checks, motion, numbers, random, simulation, statistics, v
 
 pub mod domain;
 
+pub mod identity_provider;
 pub mod media;
 pub mod sandbox;
 pub mod store;

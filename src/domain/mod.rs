@@ -7,6 +7,7 @@
 //! | [`scope`] | what a user or agent may see and change |
 //! | [`rights`] | what instructors may do beyond their own groups |
 //! | [`secret`] | tokens, cookies and passwords, and their stored hashes |
+//! | [`single_sign_on`] | what an account at a provider means here: role, name, login |
 //! | [`password_state`] | who chose a password, and who must change it |
 //! | [`boxes`] | a box trainer: its camera's viewpoint and its tools |
 //! | [`trainee`] | level and handedness |
@@ -72,6 +73,7 @@ pub mod secret;
 pub mod self_test;
 pub mod session;
 pub mod session_move;
+pub mod single_sign_on;
 pub mod skill;
 pub mod standard;
 pub mod task;

@@ -99,7 +99,7 @@ impl Code {
     /// a digit gives `fallback`.
     pub fn from_name(name: &Name, fallback: &'static str) -> Self {
         let mut code = String::new();
-        for c in name.as_str().chars().filter_map(code_character) {
+        for c in name.as_str().chars().filter_map(plain_character) {
             if c != '-' || !(code.is_empty() || code.ends_with('-')) {
                 code.push(c);
             }
@@ -134,9 +134,9 @@ impl<T: ToString + ?Sized> From<&T> for Key {
     }
 }
 
-/// The character of a code for this character: accents are dropped, apostrophes are omitted, anything else becomes a
+/// The character of a code, or of a derived login, for this character: accents are dropped, apostrophes are omitted, anything else becomes a
 /// dash.
-fn code_character(c: char) -> Option<char> {
+pub(super) fn plain_character(c: char) -> Option<char> {
     Some(match c.to_lowercase().next().unwrap_or(c) {
         c @ ('a'..='z' | '0'..='9') => c,
         'à' | 'á' | 'â' | 'ã' | 'ä' | 'å' => 'a',

@@ -27,6 +27,8 @@ struct Module {
 
 const RUNTIME: &[&str] = &["tokio", "tokio_stream", "tokio_tungstenite", "tokio_util", "futures_util"];
 const WEB: &[&str] = &["axum", "axum_extra", "hyper", "hyper_util", "http_body_util", "tower", "tower_http"];
+/// The parts of [`WEB`] that only a server needs.
+const SERVER: &[&str] = &["axum", "axum_extra", "tower", "tower_http"];
 const DATABASE: &[&str] = &["sqlx"];
 const VIDEO: &[&str] = &["ffmpeg_next"];
 /// The science may derive serde's traits, since its types travel between processes; it reads and writes no format.
@@ -63,6 +65,7 @@ const MODULES: &[Module] = &[
     Module { name: "media", layer: 3, beside: &[], banned: &[RUNTIME, WEB, DATABASE] },
     Module { name: "store", layer: 3, beside: &[], banned: &[WEB, VIDEO] },
     Module { name: "vault", layer: 3, beside: &[], banned: &[WEB, DATABASE, VIDEO] },
+    Module { name: "identity_provider", layer: 3, beside: &[], banned: &[SERVER, DATABASE, VIDEO] },
     Module { name: "sandbox", layer: 3, beside: &[], banned: &[WEB, DATABASE, VIDEO] },
     Module { name: "queue", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "analysis", layer: 4, beside: SERVICES, banned: SERVICE },
