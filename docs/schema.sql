@@ -63,7 +63,7 @@ CREATE TABLE cookie_session (
     created_at_ms   INTEGER NOT NULL CHECK (created_at_ms >= 0),             -- when they signed in, epoch ms
     last_seen_at_ms INTEGER NOT NULL CHECK (last_seen_at_ms >= created_at_ms), -- last request, to a minute, epoch ms
     expires_at_ms   INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms)   -- the end even for the busy, epoch ms
-, browser TEXT NOT NULL DEFAULT '' CHECK (length(browser) <= 200), address TEXT NOT NULL DEFAULT '' CHECK (length(address) <= 64), must_change_password INTEGER NOT NULL DEFAULT 0 CHECK (must_change_password IN (0, 1))) STRICT, WITHOUT ROWID;
+, browser TEXT NOT NULL DEFAULT '' CHECK (length(browser) <= 200), address TEXT NOT NULL DEFAULT '' CHECK (length(address) <= 64), must_change_password INTEGER NOT NULL DEFAULT 0 CHECK (must_change_password IN (0, 1)), identity_id TEXT REFERENCES identity (id) ON DELETE CASCADE, id_token TEXT CHECK (id_token IS NULL OR length(id_token) <= 8192)) STRICT, WITHOUT ROWID;
 
 CREATE TABLE course (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- CourseId
@@ -143,6 +143,19 @@ CREATE TABLE group_trainee (
     trainee_id TEXT NOT NULL REFERENCES trainee (id) ON DELETE CASCADE,        -- the trainee
     PRIMARY KEY (group_id, trainee_id)
 ) STRICT, WITHOUT ROWID;
+
+CREATE TABLE identity (
+    id              TEXT PRIMARY KEY CHECK (length(id) = 36),                -- IdentityId
+    issuer          TEXT NOT NULL CHECK (length(issuer) BETWEEN 1 AND 1000), -- address of the provider, as its tokens state it
+    subject         TEXT NOT NULL CHECK (length(subject) BETWEEN 1 AND 255), -- the account's id there
+    person_id       TEXT NOT NULL REFERENCES person (id) ON DELETE CASCADE,  -- who signs in with it
+    label           TEXT NOT NULL CHECK (length(label) BETWEEN 1 AND 120),   -- the account's name there at its last use, for people
+    follows_groups  INTEGER NOT NULL CHECK (follows_groups IN (0, 1)),       -- 1: it made the account here, whose role follows its groups; 0: it was linked to an account of this centre
+    created_at_ms   INTEGER NOT NULL CHECK (created_at_ms >= 0),             -- when it was linked, epoch ms
+    last_used_at_ms INTEGER CHECK (last_used_at_ms >= 0),                    -- when it last signed in, epoch ms; NULL: never
+    UNIQUE (issuer, subject),
+    UNIQUE (person_id, issuer)
+) STRICT;
 
 CREATE TABLE installation (
     number        INTEGER PRIMARY KEY CHECK (number = 1),                    -- there is one row
@@ -488,6 +501,8 @@ CREATE INDEX cohort_member_trainee ON cohort_member (trainee_id);
 CREATE INDEX comment_person ON comment (person_id);
 
 CREATE INDEX comment_session ON comment (session_id, from_s);
+
+CREATE INDEX cookie_session_identity ON cookie_session (identity_id) WHERE identity_id IS NOT NULL;
 
 CREATE INDEX cookie_session_person ON cookie_session (person_id);
 

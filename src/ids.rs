@@ -60,6 +60,8 @@ ids! {
     TokenId;
     /// A link for choosing a password.
     PasswordLinkId;
+    /// An account at a provider of single sign-on.
+    IdentityId;
     /// A box trainer with its camera.
     BoxId;
     /// One version of a box's camera calibration.

@@ -58,6 +58,7 @@ const SELECT_ENTRIES: &str = "
     SELECT audit.id, at_ms, actor, action, noun, subject, address, person.name AS who, CASE noun
         WHEN 'trainee' THEN (SELECT name FROM trainee WHERE id = subject)
         WHEN 'password_link' THEN (SELECT name FROM person WHERE id = subject)
+        WHEN 'identity' THEN (SELECT name FROM person WHERE id = subject)
         WHEN 'person' THEN (SELECT name FROM person WHERE id = subject)
         WHEN 'group' THEN (SELECT name FROM training_group WHERE id = subject)
         WHEN 'box' THEN (SELECT name FROM training_box WHERE id = subject)

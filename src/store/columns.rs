@@ -25,9 +25,9 @@ use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, CommentId, CourseId, EditId, FeedId, GroupId, InstallationId, JobId, LeaseToken,
-    ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, SelfTestId, SessionId,
-    StandardId, TaskId, TokenId, TraineeId, UploadId,
+    BoxId, CalibrationId, CohortId, CommentId, CourseId, EditId, FeedId, GroupId, IdentityId, InstallationId, JobId,
+    LeaseToken, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, SelfTestId,
+    SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 use crate::motion::features::{self, Feature};
 use crate::time::Day;
@@ -75,7 +75,7 @@ macro_rules! as_shown {
 
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId
-    InstallationId LeaseToken PasswordLinkId SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId
+    InstallationId IdentityId LeaseToken PasswordLinkId SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId
     ModelId EditId MoveId BlobHash Day
     Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
     SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion RecordedAtSource EarlyEndCause ErasedKind

@@ -300,14 +300,25 @@ impl CookieStore<'_> {
 pub(super) async fn insert_sign_in(
     tx: &mut SqliteConnection,
     (person, verified): (&PersonRecord, &PasswordHash),
+    sign_in: NewSignIn,
+    most: u32,
+    now_ms: i64,
+) -> StoreResult<()> {
+    let must_change = person.password_state.must_change(sign_in.origin.is_page);
+    insert_cookie(tx, (person.id, verified, must_change), sign_in, most, now_ms).await
+}
+
+/// Signs a browser in to the account `id` if its password still has this hash. `most`: see [`insert_sign_in`].
+pub(super) async fn insert_cookie(
+    tx: &mut SqliteConnection,
+    (id, hash, must_change): (PersonId, &PasswordHash, bool),
     NewSignIn { secret, lasts, origin }: NewSignIn,
     most: u32,
     now_ms: i64,
 ) -> StoreResult<()> {
-    let (id, expires_at_ms) = (person.id, now_ms + millis(lasts.max_age).max(1));
-    let must_change = person.password_state.must_change(origin.is_page);
+    let expires_at_ms = now_ms + millis(lasts.max_age).max(1);
     let insert = sqlx::query(INSERT_COOKIE).bind(secret).bind(id).bind(now_ms).bind(expires_at_ms);
-    let insert = insert.bind(origin.browser).bind(origin.address).bind(must_change).bind(verified);
+    let insert = insert.bind(origin.browser).bind(origin.address).bind(must_change).bind(hash);
     if insert.execute(&mut *tx).await?.rows_affected() == 0 {
         return Err(not_found("person"));
     }

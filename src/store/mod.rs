@@ -13,6 +13,7 @@
 //! | [`Store::groups`] | `create` `list` `get` `set_members` `delete` |
 //! | [`Store::cookies`] | `create` `known_place` `person_of` `is_valid` `valid_of` `of_person` `end` `delete` `forget_expired` `forget_all` |
 //! | [`Store::tokens`] | `create` `list` `of_person` `delete` `delete_own` `scope_of` |
+//! | [`Store::identities`] | `sign_in` `link` `list` `of_person` `remove` `remove_own` `is_provider_sign_in` `sign_out` |
 //! | [`Store::password_links`] | `create` `list` `withdraw` `look_up` `set_password` |
 //! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `audience` `groups` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `changeable` `change` `delete` |
@@ -57,6 +58,7 @@ mod erasures;
 mod error;
 mod feeds;
 mod groups;
+mod identities;
 mod installation;
 mod jobs;
 mod open;
@@ -110,6 +112,7 @@ pub use erasures::ErasureStore;
 pub use error::{StoreError, StoreResult};
 pub use feeds::{FeedRow, FeedStore, NewFeed};
 pub use groups::{GroupRecord, GroupStore, Members};
+pub use identities::{IdentityRecord, IdentityRefusal, IdentityStore, NewProviderSignIn};
 pub use installation::InstallationStore;
 pub use jobs::{JobRecord, JobStore, Lease, MAX_LOST_LEASES, QueueCounts, SweepResult};
 pub use page::{Cursor, NotACursor, Page, PageRequest};
@@ -368,6 +371,8 @@ accessors! {
     cookies: CookieStore;
     /// Access tokens of programs.
     tokens: TokenStore;
+    /// Accounts at providers of single sign-on.
+    identities: IdentityStore;
     /// Links for choosing a password.
     password_links: PasswordLinkStore;
     /// Trainees.

@@ -105,7 +105,7 @@ const SELECT_PEOPLE: &str = "
       AND NOT EXISTS (SELECT 1 FROM pending_erasure WHERE pending_erasure.trainee_id = person.trainee_id)
     ORDER BY login LIMIT $2";
 
-const SELECT_PERSON: &str = "
+pub(super) const SELECT_PERSON: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person WHERE id = $1";
 
 const SELECT_PERSON_OF: &str = "
@@ -133,10 +133,10 @@ const COUNT_PEOPLE: &str = "SELECT count(*) FROM person";
 
 const SELECT_ACCOUNT_OF: &str = "SELECT id FROM person WHERE trainee_id = $1";
 
-const COUNT_ADMINISTRATORS: &str = "SELECT count(*) FROM person WHERE role = 'administrator'";
+pub(super) const COUNT_ADMINISTRATORS: &str = "SELECT count(*) FROM person WHERE role = 'administrator'";
 
 impl PersonRecord {
-    fn insert(&self, password: PasswordHash) -> Insert {
+    pub(super) fn insert(&self, password: PasswordHash) -> Insert {
         let insert = sqlx::query(INSERT_PERSON).bind(self.id).bind(&self.login).bind(&self.name).bind(self.role);
         insert.bind(password).bind(self.password_state).bind(self.trainee_id).bind(self.created_at_ms)
     }
@@ -363,7 +363,7 @@ pub(super) async fn replace_password(
 }
 
 /// The account as it is in this transaction.
-async fn read_person(tx: &mut sqlx::SqliteConnection, id: PersonId) -> StoreResult<PersonRecord> {
+pub(super) async fn read_person(tx: &mut sqlx::SqliteConnection, id: PersonId) -> StoreResult<PersonRecord> {
     let person = sqlx::query_as(SELECT_PERSON).bind(id).fetch_optional(tx).await?;
     person.ok_or(not_found("person"))
 }
