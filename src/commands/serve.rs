@@ -38,8 +38,10 @@ use crate::http::data_export::MAX_EXPORTS;
 use crate::http::heavy::HeavyAnswers;
 use crate::http::listeners::Listeners;
 use crate::http::sessions::WatchedSessions;
+use crate::http::single_sign_on::SingleSignOn;
 use crate::http::state::{App, AppParts, ServiceInfo};
 use crate::http::tls::ServerCertificate;
+use crate::identity_provider::IdentityProvider;
 use crate::intake::Intake;
 use crate::live::{self, FeedService, OpenFeeds};
 use crate::motion::PIPELINE_VERSION;
@@ -206,6 +208,7 @@ pub async fn start(
 ) -> anyhow::Result<RunningService> {
     check_kernel(settings.analysis.require_landlock)?;
     let certificate = ServerCertificate::load(&settings.tls).await.context("using the certificate of [tls]")?;
+    let single_sign_on = single_sign_on(&settings, clock.clone())?;
     let (vault, lock) = open_data_folder(&settings.data).await?;
     upkeep::prepare_database(&vault, &settings.database(), &settings.store).await.context("preparing the database")?;
     let store =
@@ -242,6 +245,7 @@ pub async fn start(
         open_sign_ins: OpenSignIns::default(),
         prepared_events: EventBus::new(),
         watched_sessions: WatchedSessions::default(),
+        single_sign_on,
         password_hasher: PasswordHasher::default(),
         watcher_slots: ConnectionSlots::new(settings.http.max_event_streams, settings.http.max_event_streams_of_one),
         heavy_answers: HeavyAnswers::new(&settings.http),
@@ -275,6 +279,13 @@ pub async fn start(
     let (address, redirect_address) = (listeners.address(), listeners.redirect_address());
     let served = listeners.serve(certificate, app.clone()).context("starting TLS")?;
     Ok(RunningService { address, redirect_address, shutdown, is_first_start: is_first, app, served, _lock: lock })
+}
+
+/// Single sign-on, if the settings name a provider.
+fn single_sign_on(settings: &Settings, clock: SharedClock) -> anyhow::Result<Option<SingleSignOn>> {
+    let provider = IdentityProvider::from_settings(settings.single_sign_on.clone());
+    let provider = provider.context("setting up single sign-on as [single_sign_on] says")?;
+    Ok(provider.map(|provider| SingleSignOn::new(provider, clock)))
 }
 
 /// Opens the data folder, which must not be a backup, makes it if it is missing, and locks it for this service.
@@ -334,6 +345,12 @@ fn check_kernel(require_landlock: bool) -> anyhow::Result<()> {
 fn start_upkeep(app: &App, settings: &Settings) {
     let own = app.clone();
     app.shutdown.spawn(async move { own.end_streams_with_sign_ins().await });
+    let own = app.clone();
+    app.shutdown.spawn(async move {
+        if let Some(set_up) = &own.single_sign_on {
+            set_up.provider().keep_known(&own.shutdown).await;
+        }
+    });
     let (own, events) = (app.clone(), app.events.subscribe());
     app.shutdown.spawn(async move { own.prepare_events(events).await });
     let (queue, stop) = (app.queue.clone(), app.shutdown.clone());

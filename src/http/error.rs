@@ -39,6 +39,8 @@ pub enum Refusal {
     WrongCredentials,
     /// The caller may not do this: their role, or their groups, do not allow it.
     Forbidden,
+    /// The provider of single sign-on, or the person's groups there, do not let the person sign in.
+    SingleSignOn,
     /// The caller must choose another password before anything else.
     PasswordChangeRequired,
     /// A page of another site requested a change.
@@ -88,11 +90,12 @@ pub enum Refusal {
 }
 
 /// Every refusal with the slug of its `type`, its title and its status.
-pub const REFUSALS: [(Refusal, &str, &str, u16); 27] = [
+pub const REFUSALS: [(Refusal, &str, &str, u16); 28] = [
     (Refusal::BadRequest, "bad-request", "The request cannot be read", 400),
     (Refusal::NotSignedIn, "not-signed-in", "Sign in first", 401),
     (Refusal::WrongCredentials, "wrong-credentials", "Login or password is wrong", 401),
     (Refusal::Forbidden, "forbidden", "You may not do this", 403),
+    (Refusal::SingleSignOn, "single-sign-on", "Signing in with the provider did not work", 403),
     (Refusal::PasswordChangeRequired, "password-change-required", "Choose a password of your own first", 403),
     (Refusal::ForeignOrigin, "foreign-origin", "The request comes from another site's page", 403),
     (Refusal::NotFound, "not-found", "Not found", 404),

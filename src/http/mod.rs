@@ -5,6 +5,7 @@
 //! | [`router`] [`replaced_routes`] | every route, in one list; the old names of routes that were replaced |
 //! | [`error`] | every error as a status and a problem document |
 //! | [`auth`] | authentication: turns a cookie or a token into a [`Scope`](crate::domain::scope::Scope) |
+//! | [`single_sign_on`] | signing in with a provider, and the links between accounts here and there |
 //! | [`base_path`] | the path that the service lies under, behind a proxy |
 //! | [`client_address`] | the client's address, behind proxies too |
 //! | [`read`] [`show`] | parts of requests (bodies, queries, ids); parts of answers (JSON, pages, times) |
@@ -71,6 +72,7 @@ pub mod service;
 pub mod sessions;
 pub mod settings;
 pub mod show;
+pub mod single_sign_on;
 mod stall;
 pub mod state;
 pub mod tasks;

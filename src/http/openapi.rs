@@ -92,6 +92,9 @@ fn complete_operation(operation: &mut Operation, path: &str) {
     if path.contains("/uploads") {
         refusals.extend([410, 412, 423, 460]);
     }
+    if path.contains("/single-sign-on/") || path == "/api/v1/me/identities" {
+        refusals.extend([409, 410]); // not set up; expired
+    }
     if path == "/metrics" {
         refusals.push(401); // unless the caller is on the machine of the service
     }

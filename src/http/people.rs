@@ -1,11 +1,12 @@
 //! Accounts. Administrators manage them; every caller can read the own account.
 
 use axum::extract::State;
-use axum::http::StatusCode;
+use axum::http::{HeaderMap, StatusCode};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::auth::password::HashRequester;
+use super::auth::presented::PresentedCredential;
 use super::auth::signed_in::{Administrator, Identified, require_sign_in};
 use super::error::{HandlerResult, ProblemResponse};
 use super::read::{Json, Params, PathKey, reference_problem};
@@ -226,22 +227,34 @@ pub struct Me {
     /// True if this sign-in may only change the password: every other request is refused as
     /// `password-change-required`.
     must_change_password: bool,
+    /// False for an account that signs in with the provider only, and for an agent.
+    has_password: bool,
+    /// True if this browser was signed in with the provider of single sign-on: sign out with
+    /// `POST single-sign-on/sign-out`.
+    by_single_sign_on: bool,
 }
 
 /// Read the own account
 #[utoipa::path(get, path = "/me", tag = "sign-in", responses((status = OK, body = Me)))]
-pub async fn me(State(app): State<App>, by: Identified) -> HandlerResult<Json<Me>> {
+pub async fn me(State(app): State<App>, by: Identified, headers: HeaderMap) -> HandlerResult<Json<Me>> {
     let Identified { scope, must_change_password } = by;
     let role = scope.role();
     let me = match scope.actor() {
         Actor::Person(id) => {
-            let store::PersonRecord { id, login, name, trainee_id, .. } = app.store.people().get(&scope, id).await?;
-            let (id, login, name) = (Some(id), Some(login), Some(name));
-            Me { id, login, name, role, trainee: trainee_id, of_box: None, must_change_password }
+            let person = app.store.people().get(&scope, id).await?;
+            let by_single_sign_on = match PresentedCredential::in_headers(&headers, &app.settings.base_path) {
+                PresentedCredential::Cookie(secret) => app.store.identities().is_provider_sign_in(secret).await?,
+                PresentedCredential::Token(_) | PresentedCredential::Nothing => false,
+            };
+            let has_password = person.password_state != PasswordState::Missing;
+            let store::PersonRecord { id, login, name, trainee_id: trainee, .. } = person;
+            let (id, login, name, of_box) = (Some(id), Some(login), Some(name), None);
+            Me { id, login, name, role, trainee, of_box, must_change_password, has_password, by_single_sign_on }
         }
         Actor::Agent(of) => {
             let (id, login, name, trainee) = (None, None, None, None);
-            Me { id, login, name, role, trainee, of_box: Some(of), must_change_password }
+            let (has_password, by_single_sign_on, of_box) = (false, false, Some(of));
+            Me { id, login, name, role, trainee, of_box, must_change_password, has_password, by_single_sign_on }
         }
         Actor::Service => return Err(ProblemResponse::not_found()),
     };

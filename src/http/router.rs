@@ -16,7 +16,8 @@ use super::state::App;
 use super::{account, attention, service};
 use super::{
     boxes, cohorts, courses, dashboard, data_export, docs, events, features, feed, groups, health, jobs, observe,
-    password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions, tasks, tokens,
+    password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions, single_sign_on, tasks,
+    tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -42,6 +43,10 @@ fn account_routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(sign_in::sign_in))
         .routes(routes!(sign_in::sign_out))
+        .routes(routes!(single_sign_on::describe))
+        .routes(routes!(single_sign_on::start))
+        .routes(routes!(single_sign_on::finish))
+        .routes(routes!(single_sign_on::sign_out))
         .routes(routes!(people::me))
         .routes(routes!(sign_in::change_password))
         .routes(routes!(account::sign_ins))
@@ -54,6 +59,10 @@ fn account_routes() -> OpenApiRouter<App> {
         .routes(routes!(password_links::open))
         .routes(routes!(password_links::use_link))
         .routes(routes!(password_links::withdraw))
+        .routes(routes!(single_sign_on::own, single_sign_on::start_link))
+        .routes(routes!(single_sign_on::remove_own))
+        .routes(routes!(single_sign_on::list))
+        .routes(routes!(single_sign_on::remove))
         .routes(routes!(tokens::list, tokens::create))
         .routes(routes!(tokens::delete))
 }

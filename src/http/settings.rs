@@ -68,8 +68,9 @@ pub struct HttpSettings {
     /// proxy passes it on unchanged. By default the service has the host for itself.
     pub base_path: BasePath,
     /// Public address of the service, such as `https://skills.example`, with [`Self::base_path`] if there is one; xAPI
-    /// statements identify accounts and tasks by it. By default the address in the request is used: then a person has a
-    /// separate xAPI account for each address of the service.
+    /// statements identify accounts and tasks by it, and the provider of single sign-on sends browsers back to it. By
+    /// default the address in the request is used: then a person has a separate xAPI account for each address of the
+    /// service.
     pub public_url: Option<String>,
     /// Items on a page of a list if the request names no limit.
     pub page_items: u32,

@@ -13,6 +13,7 @@ use super::events::PreparedEvent;
 use super::heavy::HeavyAnswers;
 use super::sessions::WatchedSessions;
 use super::settings::HttpSettings;
+use super::single_sign_on::SingleSignOn;
 use crate::analysis::QuickAnalysis;
 use crate::analysis::stored_rows::StoredIndexes;
 use crate::cohorts::Cohorts;
@@ -61,6 +62,8 @@ pub struct AppParts {
     pub throttle: Throttle,
     /// The sign-ins and tokens with open streams.
     pub open_sign_ins: OpenSignIns,
+    /// Single sign-on; `None` if the settings name no provider.
+    pub single_sign_on: Option<SingleSignOn>,
     /// Queues for the hashes of passwords.
     pub password_hasher: PasswordHasher,
     /// Standards, reference groups, progress.

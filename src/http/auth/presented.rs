@@ -1,5 +1,7 @@
 //! The credential in a request's headers: the cookie of a sign-in, or a program's token.
 
+use std::time::Duration;
+
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum_extra::extract::cookie::{Cookie, SameSite};
 
@@ -14,6 +16,8 @@ enum CookieKind {
     SignIn,
     /// Recognises a browser that has signed in before.
     Browser,
+    /// Recognises a browser that is at the provider of single sign-on to sign in.
+    ProviderAttempt,
 }
 
 impl CookieKind {
@@ -26,6 +30,8 @@ impl CookieKind {
             (Self::SignIn, false) => "__Secure-trocar",
             (Self::Browser, true) => "__Host-trocar-browser",
             (Self::Browser, false) => "__Secure-trocar-browser",
+            (Self::ProviderAttempt, true) => "__Host-trocar-single-sign-on",
+            (Self::ProviderAttempt, false) => "__Secure-trocar-single-sign-on",
         }
     }
 }
@@ -67,6 +73,11 @@ pub fn browser_secret(headers: &HeaderMap, base: &BasePath) -> Option<Secret> {
     cookie_of(CookieKind::Browser, headers, base)
 }
 
+/// The secret of a browser that has begun to sign in with the provider.
+pub fn attempt_secret(headers: &HeaderMap, base: &BasePath) -> Option<Secret> {
+    cookie_of(CookieKind::ProviderAttempt, headers, base)
+}
+
 fn cookie_of(kind: CookieKind, headers: &HeaderMap, base: &BasePath) -> Option<Secret> {
     let name = kind.name(base);
     headers
@@ -86,9 +97,17 @@ pub fn set_cookie(secret: &Secret, base: &BasePath) -> HeaderValue {
 
 /// The `Set-Cookie` header that lets the browser be recognised at its next sign-ins. It is no sign-in.
 pub fn set_browser_cookie(secret: &Secret, base: &BasePath) -> HeaderValue {
-    let cookie = cookie_with(CookieKind::Browser, secret.as_cookie(), base);
-    HeaderValue::try_from(format!("{cookie}; Max-Age={}", KNOWN_PLACE_LIFETIME.as_secs()))
-        .unwrap_or(HeaderValue::from_static("")) // as in `header_value`
+    lasting(cookie_with(CookieKind::Browser, secret.as_cookie(), base), KNOWN_PLACE_LIFETIME)
+}
+
+/// The `Set-Cookie` header that lets only this browser finish a sign-in with the provider.
+pub fn set_attempt_cookie(secret: &Secret, lifetime: Duration, base: &BasePath) -> HeaderValue {
+    lasting(cookie_with(CookieKind::ProviderAttempt, secret.as_cookie(), base), lifetime)
+}
+
+fn lasting(cookie: Cookie<'static>, lifetime: Duration) -> HeaderValue {
+    let text = format!("{cookie}; Max-Age={}", lifetime.as_secs());
+    HeaderValue::try_from(text).unwrap_or(HeaderValue::from_static("")) // as in `header_value`
 }
 
 /// The `Set-Cookie` header that removes the cookie.

@@ -148,11 +148,20 @@ fn new_sign_in(
 ) -> (store::NewSignIn, AppendHeaders<[(header::HeaderName, HeaderValue); 2]>) {
     let base = &app.settings.base_path;
     let (secret, (browser, places)) = (Secret::random(), places_of(person, address, browser_secret(headers, base)));
-    let (name, is_page) = (browser_name(headers), is_from_page(headers));
-    let origin = store::SignInOrigin { browser: name, address: address.0.to_string(), is_page, places };
+    let origin = new_origin(headers, address, places);
     let cookies = [set_cookie(&secret, base), set_browser_cookie(&browser, base)];
     let new = store::NewSignIn { secret: secret.hash(), lasts: app.sign_in_lifetime(), origin };
     (new, AppendHeaders(cookies.map(|cookie| (header::SET_COOKIE, cookie))))
+}
+
+/// From where the browser that sent these headers signs in.
+pub(in crate::http) fn new_origin(
+    headers: &HeaderMap,
+    address: ClientAddress,
+    places: Vec<SecretHash>,
+) -> store::SignInOrigin {
+    let (browser, is_page) = (browser_name(headers), is_from_page(headers));
+    store::SignInOrigin { browser, address: address.0.to_string(), is_page, places }
 }
 
 /// The secret that recognises a browser, which is a new one if it has none yet, and the places that the browser and its

@@ -17,7 +17,7 @@ use crate::http::connection_places::RequestInProgress;
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::state::App;
 use crate::ids::PersonId;
-use crate::store::CookieLifetime;
+use crate::store::{CookieLifetime, PersonRecord};
 
 /// A caller whose identity is known, but who may have to change a password before anything else. Only the routes that
 /// this needs accept it: reading the own account, changing the password, signing out.
@@ -142,6 +142,24 @@ impl SignedIn {
             while end.changed().await.is_ok() {} // the sender sends nothing and is dropped at the end
         }
     }
+}
+
+/// The person whose sign-in these headers have, for a request that is also answered without one. Not one who has to
+/// change the password first.
+pub async fn person_of_cookie(
+    app: &App,
+    headers: &HeaderMap,
+    ClientAddress(address): ClientAddress,
+) -> HandlerResult<Option<(PersonRecord, Scope)>> {
+    let PresentedCredential::Cookie(secret) = PresentedCredential::in_headers(headers, &app.settings.base_path) else {
+        return Ok(None);
+    };
+    let holder = app.store.cookies().person_of(secret, app.sign_in_lifetime()).await?;
+    let person = holder.filter(|holder| !holder.must_change_password).map(|holder| holder.person);
+    Ok(person.map(|person| {
+        let scope = person.scope().with_rights(app.rights).at_address(address);
+        (person, scope)
+    }))
 }
 
 /// Refuses a program with a token. A token acts until it ends: it must not open another way in, or close those of people.

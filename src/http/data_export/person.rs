@@ -13,6 +13,7 @@ use crate::http::account::SignInEntry;
 use crate::http::people::PersonResponse;
 use crate::http::service::AuditChange;
 use crate::http::sessions::{EditsResponse, MoveResponse, SessionResponse, write_edited_csv};
+use crate::http::single_sign_on::IdentityResponse;
 use crate::http::trainees::TraineeResponse;
 use crate::ids::SessionId;
 use crate::store::{PageRequest, SessionFilter, SessionRecord, TraineeRecord};
@@ -34,7 +35,8 @@ audit.json         who changed this person's data, and what this person changed 
 
 /// Says what the files in a person's folder are.
 pub(super) const FILES: &str = "\
-profile.json       name, level, hand, groups; account and sign-ins, without the password
+profile.json       name, level, hand, groups; account, sign-ins and accounts at
+                   the provider of single sign-on, without the password
 sessions/…/        one folder for each session:
   session.json     recording, quality, features with their error bars, versions
   ratings.json     ratings on forms
@@ -63,6 +65,8 @@ struct PersonProfile {
     account: Option<PersonResponse>,
     /// Empty without `account`.
     sign_ins: Vec<SignInEntry>,
+    /// Accounts at the provider of single sign-on; empty without `account`.
+    identities: Vec<IdentityResponse>,
 }
 
 /// Adds the files of a trainee below the folder `below`, which is empty or ends with a slash.
@@ -97,11 +101,16 @@ async fn profile(job: &ExportJob, trainee: &TraineeRecord) -> Result<PersonProfi
         Some(account) => app.store.cookies().of_person(account.id, None, app.sign_in_lifetime()).await?,
         None => Vec::new(),
     };
+    let identities = match &account {
+        Some(account) => app.store.identities().of_person(scope, account.id).await?,
+        None => Vec::new(),
+    };
     Ok(PersonProfile {
         trainee: TraineeResponse::new(trainee.clone(), scope),
         groups: app.store.trainees().groups(scope, trainee.id).await?,
         account: account.map(PersonResponse::from),
         sign_ins: sign_ins.into_iter().map(SignInEntry::from).collect(),
+        identities: identities.into_iter().map(IdentityResponse::from).collect(),
     })
 }
 

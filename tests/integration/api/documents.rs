@@ -52,6 +52,9 @@ async fn every_operation_describes_its_problems_and_who_may_ask() {
                 | "/metrics"
                 | "/api/v1/openapi.json"
                 | "/api/v1/sign-in"
+                | "/api/v1/single-sign-on"
+                | "/api/v1/single-sign-on/start"
+                | "/api/v1/single-sign-on/finish"
                 | "/api/v1/password-links/open"
                 | "/api/v1/password-links/use"
         );

@@ -37,6 +37,7 @@ mod roles;
 mod self_tests;
 mod sender_limits;
 mod sign_in;
+mod single_sign_on;
 mod streams;
 mod tls;
 mod tokens;

@@ -1,9 +1,15 @@
 //! The centre of the matrix: its callers, and the things that they ask for.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use reqwest::{Method, StatusCode, header};
 use serde_json::{Value, json};
+use trocar::domain::scope::Scope;
+use trocar::domain::single_sign_on::{GroupRoles, ProvenIdentity};
+use trocar::settings::DATABASE_FILE;
+use trocar::store::{Store, StoreSettings};
+use trocar::time::SystemClock;
 
 use super::{MISSING, ROLES};
 use crate::api::centre::{Centre, PASSWORD, recording};
@@ -109,7 +115,7 @@ impl FilledCentre {
 
     /// Something of this kind: of the caller (0) or of another group (1). With `new`, it is made for this request.
     pub async fn subject(&mut self, kind: &str, side: usize, caller: usize, new: bool) -> Subject {
-        let is_new = new || matches!(kind, "comment" | "sign-in" | "followed" | "pending");
+        let is_new = new || matches!(kind, "comment" | "sign-in" | "identity" | "followed" | "pending");
         let key = (kind.to_owned(), side);
         if !is_new && let Some(found) = self.known.get(&key) {
             return found.clone();
@@ -163,6 +169,7 @@ impl FilledCentre {
             "group" => return Subject::of(text(group)),
             "shared" => return Subject::of(self.shared_trainee(number).await),
             "sign-in" => return Subject::of(self.sign_in(side, caller).await),
+            "identity" => return Subject::of(self.identity(side, caller, number).await),
             "rescoring" => return Subject::of(&self.rescoring),
             "followed" => {
                 let path = format!("/api/v1/groups/{}/course", text(group));
@@ -232,6 +239,23 @@ impl FilledCentre {
             read(administrator.put(&format!("{address}/members"), members).await, StatusCode::OK).await;
         }
         text(&made["id"])
+    }
+
+    /// A new account at a provider, linked to the caller or to Bob.
+    async fn identity(&self, side: usize, caller: usize, number: u64) -> String {
+        let login = match self.callers[caller].account {
+            Some((login, _)) if side == 0 => login,
+            _ => "bob",
+        };
+        let people = self.centre.administrator.read("/api/v1/people").await;
+        let person = people["items"].as_array().unwrap().iter().find(|one| one["login"] == login).unwrap();
+        let database = self.centre.service.data.path().join(DATABASE_FILE);
+        let store = Store::open(&database, &StoreSettings::default(), Arc::new(SystemClock)).await.unwrap();
+        let claims = serde_json::Map::new();
+        let (issuer, roles) = (format!("https://{number}.example"), GroupRoles::default());
+        let proven = ProvenIdentity::from_claims(issuer, "7".to_owned(), &claims, ("groups", &roles));
+        let scope = Scope::instructor(text(&person["id"]).parse().unwrap());
+        store.identities().link(&scope, proven).await.unwrap().id.to_string()
     }
 
     /// A new sign-in of the caller, or of Bob.
