@@ -171,6 +171,24 @@ export const api = {
     removeToken: id => request('DELETE', ['me', 'tokens', id]),
   },
 
+  /** Signing in with a provider, and the links between accounts here and there. */
+  singleSignOn: {
+    describe: () => request('GET', ['single-sign-on']),
+    /** `next`: the page to show afterwards. @param {string} next */
+    start: next => request('POST', ['single-sign-on', 'start'], { json: { next } }),
+    startLink: () => request('POST', ['me', 'identities']),
+    /** @param {ApiBody<'POST', ['single-sign-on', 'finish']>} json */
+    finish: json => request('POST', ['single-sign-on', 'finish'], { json }),
+    signOut: () => request('POST', ['single-sign-on', 'sign-out']),
+    /** @param {AbortSignal} [signal] */
+    own: signal => request('GET', ['me', 'identities'], { signal }),
+    /** @param {string} id */
+    removeOwn: id => request('DELETE', ['me', 'identities', id]),
+    all: () => fetchAll(['identities']),
+    /** @param {string} id */
+    remove: id => request('DELETE', ['identities', id]),
+  },
+
   people: resource('people'),
   /** Links for choosing a password without the old one. */
   passwordLinks: {

@@ -1,6 +1,7 @@
 // The app: who is signed in, which page the address names, and the shell around every page.
 import { html, render, useEffect, useErrorBoundary, useRef, useState } from './preact.js';
 import { api, onSignedOut } from './api.js';
+import { basePath } from './base_path.js';
 /** @import { Problem } from './api.js' */
 import { asProblem } from './data.js';
 import { startLive, stopLive } from './live.js';
@@ -49,6 +50,13 @@ const PASSWORD_LINK = 'choose-password';
 /** The secret in the address of a link for a password, empty if it is missing there; null at other addresses. */
 const secretInAddress = () => (currentRoute().path.join('/') === PASSWORD_LINK ? location.hash.slice(1) : null);
 
+/** The address that the provider of single sign-on sends the browser back to. */
+const PROVIDER_ANSWER = 'single-sign-on';
+
+/** The provider's answer in the address; null at other addresses. */
+const answerInAddress = () => (currentRoute().path.join('/') === PROVIDER_ANSWER ? currentRoute().query : null);
+
+const loadProviderAnswer = () => import('./pages/single_sign_on.js').then(module => module.ProviderAnswer);
 const loadPasswordByLink = () => import('./pages/choose_password.js').then(module => module.PasswordByLink);
 const loadFirstPassword = () => import('./pages/choose_password.js').then(module => module.FirstPassword);
 
@@ -57,6 +65,7 @@ function App() {
   const [problem, setProblem] = useState(null);
   const [expired, setExpired] = useState(false);
   const [linkSecret, setLinkSecret] = useState(secretInAddress);
+  const [providerAnswer, setProviderAnswer] = useState(answerInAddress);
   const [typedPassword, setTypedPassword] = useState(''); // only until it is changed
 
   const loadPerson = () =>
@@ -88,6 +97,8 @@ function App() {
     setTypedPassword('');
     setPerson(signedIn);
   };
+  // The same as index.html has: Preact keeps what the first result does not replace.
+  if (person === undefined && !problem) return html`<header class="top"><a class="brand" href=${href([])}><${Brand} />${t.product}</a></header>`;
   if (linkSecret !== null) {
     const leave = signedIn => {
       replace([]);
@@ -96,11 +107,18 @@ function App() {
     };
     return html`<${Gate} key=${linkSecret} load=${loadPasswordByLink} secret=${linkSecret} onDone=${leave} />`;
   }
+  if (providerAnswer) {
+    const leave = (signedIn, next) => {
+      history.replaceState(null, '', next ? `${basePath}${next}` : href(person ? ['account'] : []));
+      setProviderAnswer(null);
+      if (signedIn) enter(signedIn);
+    };
+    return html`<${Gate} load=${loadProviderAnswer} answer=${providerAnswer} onDone=${leave} />`;
+  }
   if (problem) {
     const retry = () => (setProblem(null), loadPerson());
     return html`<main class="gate"><${ProblemNotice} problem=${problem} onRetry=${retry} /></main>`;
   }
-  if (person === undefined) return html`<header class="top"><a class="brand" href=${href([])}><${Brand} />${t.product}</a></header>`;
   const welcome = (signedIn, password) => {
     if (signedIn.must_change_password) setTypedPassword(password);
     setPerson(signedIn);
@@ -109,7 +127,9 @@ function App() {
   const signOut = async () => {
     if (currentRecording) (await import('./record/recorder.js')).discardRecording();
     await import('./parts/recording/uploads.js').then(({ forgetUploads }) => forgetUploads(person.id), () => {});
-    await api.signOut().catch(() => {}); // Signed out on this page in any case; the cookie expires by itself.
+    // Signed out on this page in any case; the cookie expires by itself.
+    const ended = await (person.by_single_sign_on ? api.singleSignOn.signOut() : api.signOut()).catch(() => null);
+    if (ended?.address) return void location.assign(ended.address); // The provider's sign-in ends, too.
     setExpired(false);
     enter(null);
     go([]);

@@ -9,6 +9,7 @@ import { Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { NEW_PASSWORD_FIELDS, newPassword } from '../parts/people/new_password.js';
 import { OwnData } from '../parts/people/own_data.js';
 import { OwnSignIns, OwnTokens } from '../parts/people/own_access.js';
+import { OwnIdentities } from '../parts/people/single_sign_on.js';
 import { isRecording } from '../record/current_recording.js';
 import { t } from '../texts.js';
 
@@ -25,8 +26,8 @@ export default function Account({ person, onSignOut }) {
   const [changed, setChanged] = useState(false);
   const [asking, setAsking] = useState(false);
   const { data, problem, reload } = useData(async signal => {
-    const [signIns, tokens] = await Promise.all([api.own.signIns(signal), api.own.tokens(signal)]);
-    return { signIns: signIns.items, tokens: tokens.items };
+    const [signIns, tokens, identities] = await Promise.all([api.own.signIns(signal), api.own.tokens(signal), api.singleSignOn.own(signal)]);
+    return { signIns: signIns.items, tokens: tokens.items, identities: identities.items };
   }, []);
   const change = async ({ old, tokens, ...values }, form) => {
     setChanged(false);
@@ -52,14 +53,15 @@ export default function Account({ person, onSignOut }) {
           </dl>
         </div>
       </section>
-      <section class="card">
+      ${person.has_password && html`<section class="card">
         <header><h2>${words.password}</h2></header>
         <div class="body stack">
           ${changed && html`<${Notice} tone="good" title=${words.changed} />`}
           <${Form} key=${Boolean(data?.tokens.length)} fields=${data?.tokens.length ? [...FIELDS, TOKENS_FIELD] : FIELDS}
             onSave=${change} submit=${words.change} />
         </div>
-      </section>
+      </section>`}
+      ${data && html`<${OwnIdentities} person=${person} items=${data.identities} onChange=${reload} />`}
       ${person.trainee && html`<${OwnData} trainee=${person.trainee} />`}
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       ${data && html`<${OwnSignIns} items=${data.signIns} onEnd=${id => api.own.endSignIn(id).then(reload, reload)} />

@@ -7,6 +7,7 @@ import { t } from '../texts.js';
 import { Groups, Tokens } from '../parts/people/groups_tokens.js';
 import { refuseRepeats } from '../parts/people/new_password.js';
 import { NewLinkDialog, PasswordLinks } from '../parts/people/password_links.js';
+import { AllIdentities } from '../parts/people/single_sign_on.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
@@ -14,7 +15,11 @@ const words = t.people;
 
 const isTrainee = chosen => chosen.role === 'trainee';
 /** What a person still has to do about the password; an own password needs no words. */
-const passwordWords = ({ password }) => (password === 'own' ? null : password === 'missing' ? words.passwordStates.missing : words.passwordStates.change);
+const passwordWords = ({ id, password }, identities) => {
+  if (password === 'own') return null;
+  if (password !== 'missing') return words.passwordStates.change;
+  return identities.some(identity => identity.person === id) ? t.singleSignOn.title : words.passwordStates.missing;
+};
 
 /** The account of a trainee keeps its role: it belongs to the trainee whose recordings it shows. */
 function rolesFor(item) {
@@ -27,15 +32,16 @@ function rolesFor(item) {
 export default function People({ person }) {
   const [linked, setLinked] = useState(null); // the person who gets a link
   const { data, problem, reload } = useData(async () => {
-    const [people, groups, tokens, trainees, boxes, links] = await Promise.all([
+    const [people, groups, tokens, trainees, boxes, links, identities] = await Promise.all([
       api.people.all(),
       api.groups.all(),
       api.tokens.all(),
       api.trainees.all(),
       api.boxes.all(),
       api.passwordLinks.all(),
+      api.singleSignOn.all(),
     ]);
-    return { people, groups, tokens, trainees, boxes, links };
+    return { people, groups, tokens, trainees, boxes, links, identities };
   }, []);
   const fields = item => [
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name, autocomplete: 'off' },
@@ -135,7 +141,7 @@ export default function People({ person }) {
                 <tbody>
                   ${data.people.map(one => html`
                     <tr key=${one.id}>
-                      <th scope="row">${one.name}${passwordWords(one) && html` <span class="pill">${passwordWords(one)}</span>`}</th><td class="code">${one.login}</td><td>
+                      <th scope="row">${one.name}${passwordWords(one, data.identities) && html` <span class="pill">${passwordWords(one, data.identities)}</span>`}</th><td class="code">${one.login}</td><td>
                         ${t.roles[one.role] ?? one.role}</td>
                       <td><div class="row ends"><button class="button" type="button" aria-label=${words.linkOf(one.name)}
                         onClick=${() => setLinked(one)}>${words.link}</button>
@@ -149,6 +155,7 @@ export default function People({ person }) {
           <${Groups} data=${data} onChange=${reload} />
           <${Tokens} data=${data} onChange=${reload} />
           <${PasswordLinks} data=${data} onChange=${reload} />
+          <${AllIdentities} data=${data} onChange=${reload} />
         </div>
       </div>`}
     ${edit.dialogs}

@@ -5,6 +5,7 @@ import { Brand } from '../parts/page/icons.js';
 import { Form } from '../parts/forms/form.js';
 import { LanguageChoice } from '../parts/page/language.js';
 import { Notice } from '../parts/page/notice.js';
+import { ProviderButton } from '../parts/people/provider_button.js';
 import { t } from '../texts.js';
 
 const words = t.signIn;
@@ -24,11 +25,15 @@ const FIELDS = [
 /** Signs in, and returns the person. */
 export async function signIn(login, password) {
   await api.signIn(login, password);
-  return api.me().catch(error => {
+  return signedIn();
+}
+
+/** The person who has just signed in. */
+export const signedIn = () =>
+  api.me().catch(error => {
     if (error.status !== 401) throw error;
     throw new Problem({ title: words.noCookie, detail: isSecureContext ? words.noCookieBody : words.notSecureBody, status: 0 });
   });
-}
 
 /** `onSignedIn(person, password)` is called when a person has signed in. */
 export function SignIn({ expired, onSignedIn }) {
@@ -45,6 +50,7 @@ export function SignIn({ expired, onSignedIn }) {
           ${!isSecureContext && html`<${Notice} tone="warn" title=${words.notSecure}>${words.notSecureBody}<//>`}
           ${expired && html`<${Notice} tone="warn" title=${words.again} />`}
           <${Form} fields=${FIELDS} onSave=${send} submit=${words.submit} busyWords=${words.busy} />
+          <${ProviderButton} />
           <${LanguageChoice} />
         </div>
       </section>
