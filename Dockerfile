@@ -19,7 +19,7 @@ RUN cargo build --release --locked
 FROM debian:bookworm-slim
 # Debian's FFmpeg is a GPL build: an image that contains it is GPL as a whole (see README.md).
 RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends \
-    libavcodec59 libavformat59 libavutil57 libswscale6 curl \
+    libavcodec59 libavformat59 libavutil57 libswscale6 ca-certificates curl \
     && rm -rf /var/lib/apt/lists/* \
     && useradd --uid 10001 --no-create-home --home-dir /data --shell /usr/sbin/nologin trocar \
     && install -d -o trocar -g trocar -m 0700 /data /backup
