@@ -29,6 +29,15 @@ CREATE TABLE calibration (
     UNIQUE (box_id, version)
 ) STRICT;
 
+CREATE TABLE centre (
+    number    INTEGER PRIMARY KEY CHECK (number = 1),                        -- there is one row
+    name      TEXT CHECK (length(name) BETWEEN 1 AND 120),                   -- what people call the centre; NULL: not set
+    logo      BLOB CHECK (length(logo) BETWEEN 1 AND 524288),                -- the picture's file as it was sent; NULL: none
+    logo_type TEXT CHECK (logo_type IN ('image/png', 'image/jpeg')),         -- its media type
+    logo_hash TEXT CHECK (length(logo_hash) = 64),                           -- SHA-256 of the file, hexadecimal
+    CHECK ((logo IS NULL) = (logo_type IS NULL) AND (logo IS NULL) = (logo_hash IS NULL))
+) STRICT;
+
 CREATE TABLE cohort (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- CohortId
     code          TEXT NOT NULL UNIQUE CHECK (length(code) BETWEEN 1 AND 64), -- short unique name, a-z 0-9 -

@@ -375,6 +375,7 @@ fn check_http(http: &HttpSettings) -> Result<(), SettingsError> {
     check_range("http.idle_min", http.idle_min, 1..=24 * 60)?;
     check_range("http.sign_in_h", http.sign_in_h, 1..=24 * 7)?;
     check_range("http.password_link_h", http.password_link_h, 1..=24 * 30)?;
+    check_range("http.invitation_days", http.invitation_days, 1..=90)?;
     check_range("http.free_attempts", http.free_attempts, 1..=10_000)?;
     check_range("http.hsts_days", http.hsts_days, 0..=3_650)?;
     check_range("http.max_event_streams", http.max_event_streams, 1..=100_000)?;

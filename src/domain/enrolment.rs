@@ -7,7 +7,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::text::{Code, Invalid, Name};
+use super::text::{Code, Invalid, Login, Name};
 use super::trainee::{Handedness, Level};
 
 /// Maximum number of rows in one list.
@@ -27,6 +27,8 @@ pub struct EnrolmentRow {
     pub handedness: Option<String>,
     /// The name of the group to join.
     pub group: Option<String>,
+    /// The login of the account, if one is made; derived from the code if empty.
+    pub login: Option<String>,
 }
 
 /// A trainee to enrol, as read from a row.
@@ -42,6 +44,8 @@ pub struct CheckedEnrolment {
     pub handedness: Option<Handedness>,
     /// The name of the group.
     pub group: Option<String>,
+    /// The login, if the row has one.
+    pub login: Option<Login>,
 }
 
 /// A problem with a field of a row.
@@ -63,6 +67,8 @@ pub struct ReadRow {
     pub code: Option<Code>,
     /// The name of the group, if it is given.
     pub group: Option<String>,
+    /// The login, if it is given and can be used.
+    pub login: Option<Login>,
     /// The trainee; `None` if a field cannot be used.
     pub trainee: Option<CheckedEnrolment>,
 }
@@ -81,19 +87,23 @@ pub fn parse_rows(rows: &[EnrolmentRow]) -> ReadRows {
     let mut problems = Vec::new();
     let read: Vec<ReadRow> =
         rows.iter().enumerate().map(|(index, row)| parse_row(index + 1, row, &mut problems)).collect();
-    let mut met: HashMap<&Code, usize> = HashMap::new();
-    for (index, row) in read.iter().enumerate() {
-        let Some(code) = &row.code else { continue };
-        if let Some(first) = met.insert(code, index + 1) {
-            problems.push(row_problem(
-                index + 1,
-                "code",
-                format!("`{code}` is already used in row {first}; give each trainee a code of their own"),
-            ));
-        }
-    }
+    problems.extend(repeated(&read, "code", |row| row.code.as_ref().map(Code::as_str)));
+    problems.extend(repeated(&read, "login", |row| row.login.as_ref().map(Login::as_str)));
     problems.sort_by_key(|problem| problem.row);
     ReadRows { rows: read, problems }
+}
+
+/// The rows whose value another row has already.
+fn repeated(rows: &[ReadRow], field: &'static str, value_of: fn(&ReadRow) -> Option<&str>) -> Vec<RowProblem> {
+    let (mut met, mut problems) = (HashMap::new(), Vec::new());
+    for (index, row) in rows.iter().enumerate() {
+        let Some(value) = value_of(row) else { continue };
+        if let Some(first) = met.insert(value, index + 1) {
+            let why = format!("`{value}` is already used in row {first}; give each trainee a {field} of their own");
+            problems.push(row_problem(index + 1, field, why));
+        }
+    }
+    problems
 }
 
 /// Creates the problem of a row.
@@ -109,10 +119,13 @@ fn parse_row(row: usize, of: &EnrolmentRow, problems: &mut Vec<RowProblem>) -> R
     let handedness =
         parse_field(row, "handedness", non_empty(&of.handedness).map(str::to_lowercase).as_deref(), problems);
     let group = non_empty(&of.group).map(str::to_owned);
+    let login: Option<Login> = parse_field(row, "login", non_empty(&of.login), problems);
     let name = name.filter(|_| problems.len() == before);
-    let trainee =
-        name.map(|name| CheckedEnrolment { name, code: code.clone(), level, handedness, group: group.clone() });
-    ReadRow { code, group, trainee }
+    let trainee = name.map(|name| {
+        let (code, group, login) = (code.clone(), group.clone(), login.clone());
+        CheckedEnrolment { name, code, level, handedness, group, login }
+    });
+    ReadRow { code, group, login, trainee }
 }
 
 fn non_empty(text: &Option<String>) -> Option<&str> {
@@ -141,7 +154,8 @@ mod tests {
 
     fn row(fields: [&str; 5]) -> EnrolmentRow {
         let [name, code, level, handedness, group] = fields.map(str::to_owned);
-        EnrolmentRow { name, code: Some(code), level: Some(level), handedness: Some(handedness), group: Some(group) }
+        let (code, level, handedness, group) = (Some(code), Some(level), Some(handedness), Some(group));
+        EnrolmentRow { name, code, level, handedness, group, login: None }
     }
 
     /// All trainees, or all problems.
@@ -172,5 +186,15 @@ mod tests {
         let twice = read(&[row(["Ana", "ana", "", "", ""]), row(["Ann", "ana", "", "", ""])]).unwrap_err();
         assert_eq!((twice.len(), twice[0].row, twice[0].field), (1, 2, "code"));
         assert!(twice[0].message.contains("row 1"), "{twice:?}");
+    }
+
+    #[test]
+    fn a_login_is_read_as_at_sign_in_and_belongs_to_one_row() {
+        let of = |login: &str| EnrolmentRow { login: Some(login.to_owned()), ..row(["Ana", "", "", "", ""]) };
+        let known = read(&[of(" Ana@Clinic.example ")]).unwrap();
+        assert_eq!(known[0].login.as_ref().unwrap().as_str(), "ana@clinic.example");
+        let problems = read(&[of("ana"), of("a na"), of("ANA")]).unwrap_err();
+        let found: Vec<(usize, &str)> = problems.iter().map(|problem| (problem.row, problem.field)).collect();
+        assert_eq!(found, [(2, "login"), (3, "login")]);
     }
 }

@@ -9,6 +9,7 @@
 //! | [`secret`] | tokens, cookies and passwords, and their stored hashes |
 //! | [`single_sign_on`] | what an account at a provider means here: role, name, login |
 //! | [`password_state`] | who chose a password, and who must change it |
+//! | [`centre`] | the centre's logo |
 //! | [`boxes`] | a box trainer: its camera's viewpoint and its tools |
 //! | [`trainee`] | level and handedness |
 //! | [`enrolment`] | a list of trainees to enrol, checked row by row |
@@ -47,6 +48,7 @@ pub mod boxes;
 pub mod calibration;
 pub mod camera_limits;
 pub mod camera_warning;
+pub mod centre;
 pub mod clock;
 pub mod cohort;
 pub mod comment;

@@ -1,4 +1,5 @@
-//! Training groups: which instructors teach which trainees. Administrators edit groups; instructors see their own.
+//! Training groups: which instructors teach which trainees. Administrators edit groups; instructors see their own, and make
+//! new ones.
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -53,12 +54,14 @@ pub struct NewGroup {
     name: Name,
 }
 
-/// Create an empty group
+/// Create a group
+///
+/// It has no trainees yet. An instructor teaches the group that they create.
 #[utoipa::path(post, path = "/groups", tag = "groups", request_body = NewGroup,
     responses((status = CREATED, body = GroupResponse)))]
 pub async fn create(
     State(app): State<App>,
-    by: Administrator,
+    by: Staff,
     Json(new): Json<NewGroup>,
 ) -> HandlerResult<Created<GroupResponse>> {
     let group = app.store.groups().create(&by.scope, new.name).await?;

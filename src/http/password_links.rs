@@ -72,7 +72,7 @@ pub struct MadePasswordLink {
 ///
 /// It is valid once, for 24 hours unless the settings say otherwise. A new link replaces the person's earlier one. The
 /// present password stays valid until the link is used. The link ends when its maker is no administrator any more. A
-/// token does not suffice to make one.
+/// token does not suffice to make one. Instructors make links for their trainees with `POST /invitations`.
 #[utoipa::path(post, path = "/password-links", tag = "people", request_body = NewPasswordLink,
     responses((status = CREATED, body = MadePasswordLink)))]
 pub async fn create(
@@ -197,7 +197,7 @@ async fn valid_link(
 /// The same for a link that was used, withdrawn or replaced, that has expired, or that never existed.
 fn no_longer_valid() -> ProblemResponse {
     Refusal::Gone.with(
-        "This link for a password was used, was replaced by a newer one, or has expired. Ask an administrator for a \
-         new one.",
+        "This link for a password was used, was replaced by a newer one, or has expired. Ask your instructor or an \
+         administrator for a new one.",
     )
 }

@@ -13,7 +13,7 @@ use super::base_path::complete_addresses;
 use super::compress::compress;
 use super::pace::{Pace, keep_pace};
 use super::state::App;
-use super::{account, attention, service};
+use super::{account, attention, centre, first_steps, service};
 use super::{
     boxes, cohorts, courses, dashboard, data_export, docs, events, features, feed, groups, health, jobs, observe,
     password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions, single_sign_on, tasks,
@@ -99,6 +99,8 @@ fn trainee_routes() -> OpenApiRouter<App> {
         .routes(routes!(trainees::get, trainees::change, trainees::erase))
         .routes(routes!(trainees::progress))
         .routes(routes!(trainees::enrol))
+        .routes(routes!(trainees::trainee_accounts))
+        .routes(routes!(trainees::invite))
         .routes(routes!(trainees::xapi))
         .routes(routes!(trainees::erasure_extent))
         .routes(routes!(trainees::pending_erasures))
@@ -185,6 +187,9 @@ fn operation_routes() -> OpenApiRouter<App> {
         .routes(routes!(jobs::get))
         .routes(routes!(jobs::retry))
         .routes(routes!(attention::attention))
+        .routes(routes!(centre::get, centre::set_name))
+        .routes(routes!(centre::logo, centre::set_logo, centre::remove_logo))
+        .routes(routes!(first_steps::first_steps))
         .routes(routes!(service::service))
         .routes(routes!(service::audit))
         .routes(routes!(data_export::centre))

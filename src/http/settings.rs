@@ -37,6 +37,9 @@ pub struct HttpSettings {
     pub sign_in_h: u64,
     /// Hours after which a link for a password expires.
     pub password_link_h: u64,
+    /// Days after which a link for the first password of an invited trainee expires. Printed slips need longer than a
+    /// link that is used at once.
+    pub invitation_days: u64,
     /// Failed sign-ins of a login before the next attempt has to wait. One network address may fail twelve times as
     /// often a minute.
     #[serde(alias = "attempts_per_min")]
@@ -89,6 +92,7 @@ impl Default for HttpSettings {
             idle_min: 30,
             sign_in_h: 12,
             password_link_h: 24,
+            invitation_days: 14,
             free_attempts: 5,
             trusted_proxies: Vec::new(),
             client_address_header: ClientAddressHeader::default(),
@@ -124,6 +128,11 @@ impl HttpSettings {
     /// [`Self::password_link_h`].
     pub fn password_link(&self) -> Duration {
         Duration::from_secs(self.password_link_h.saturating_mul(3600))
+    }
+
+    /// [`Self::invitation_days`].
+    pub fn invitation(&self) -> Duration {
+        Duration::from_secs(self.invitation_days.saturating_mul(24 * 3600))
     }
 
     /// [`Self::body_grace_s`].

@@ -66,6 +66,7 @@ const SELECT_ENTRIES: &str = "
         WHEN 'cohort' THEN (SELECT name FROM cohort WHERE id = subject)
         WHEN 'course' THEN (SELECT name FROM course WHERE id = subject)
         WHEN 'token' THEN (SELECT name FROM token WHERE id = subject)
+        WHEN 'centre' THEN (SELECT name FROM centre)
         WHEN 'standard' THEN (SELECT name FROM task JOIN standard ON task_id = task.id
             WHERE standard.id = subject)
         WHEN 'rescoring' THEN (SELECT name FROM task JOIN rescoring ON task_id = task.id

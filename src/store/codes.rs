@@ -17,7 +17,11 @@ pub(super) async fn choose(
     if let Some(code) = given {
         return Ok(code); // if it is taken, the UNIQUE constraint refuses it
     }
-    let base = Code::from_name(name, fallback);
+    free(tx, taken, Code::from_name(name, fallback)).await
+}
+
+/// The code itself, or with the first free number. `taken` is a query that finds a row if the code `$1` is in use.
+pub(super) async fn free(tx: &mut SqliteConnection, taken: &'static str, base: Code) -> StoreResult<Code> {
     let mut is_free = async |code: &Code| -> StoreResult<bool> {
         let found: Option<i64> = sqlx::query_scalar(taken).bind(code).fetch_optional(&mut *tx).await?;
         Ok(found.is_none())

@@ -8,6 +8,7 @@ use sqlx::{Decode, Encode, Sqlite, Type};
 
 use crate::domain::blob::BlobHash;
 use crate::domain::calibration::CalibrationSource;
+use crate::domain::centre::LogoFormat;
 use crate::domain::edit::EditKind;
 use crate::domain::erasure::ErasedKind;
 use crate::domain::feed::FrameCodec;
@@ -79,7 +80,7 @@ as_shown! {
     ModelId EditId MoveId BlobHash Day
     Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
     SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion RecordedAtSource EarlyEndCause ErasedKind
-    PasswordState
+    PasswordState LogoFormat
 }
 
 as_stored! {

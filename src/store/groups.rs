@@ -1,12 +1,15 @@
-//! Training groups: which instructors teach which trainees. Administrators change groups; instructors see their own.
+//! Training groups: which instructors teach which trainees. Administrators change groups; instructors see their own, and
+//! make new ones.
 
 use serde::{Deserialize, Serialize};
+use sqlx::sqlite::SqliteConnection;
 
 use super::audit::note;
 use super::courses::GroupCoursePlan;
 use super::error::{StoreResult, in_use, missing, not_found, taken};
 use super::visibility::{BindScope, require_administrator, require_staff};
 use super::{Scope, Store};
+use crate::domain::role::Role;
 use crate::domain::text::Name;
 use crate::ids::{CourseId, GroupId, PersonId, TraineeId};
 use crate::time::Day;
@@ -90,18 +93,15 @@ const SELECT_TRAINEES: &str = "
     WHERE group_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)";
 
 impl GroupStore<'_> {
-    /// Creates an empty group.
+    /// Creates a group without trainees. An instructor teaches the group that they make; otherwise they would not see it.
     pub async fn create(&self, scope: &Scope, name: Name) -> StoreResult<GroupRecord> {
-        require_administrator(scope, "making groups")?;
+        require_staff(scope, "making groups")?;
         let (scope, now_ms) = (scope.clone(), self.0.now_ms());
-        let (id, members) = (GroupId::at(now_ms), Members::default());
-        let group = GroupRecord { id, name, created_at_ms: now_ms, members, follows: None };
         self.0
             .write(async move |tx| {
-                let insert = sqlx::query(INSERT_GROUP).bind(group.id).bind(&group.name).bind(now_ms);
-                insert.execute(&mut *tx).await.map_err(taken("group name"))?;
-                note(tx, &scope, now_ms, ("create", "group"), group.id).await?;
-                Ok(group)
+                let id = insert(tx, (&scope, now_ms), &name).await?;
+                let members = Members { instructors: teacher(&scope).into_iter().collect(), trainees: Vec::new() };
+                Ok(GroupRecord { id, name, created_at_ms: now_ms, members, follows: None })
             })
             .await
     }
@@ -174,4 +174,26 @@ impl GroupStore<'_> {
         let follows = followed.map(|((course, name), begins)| GroupCoursePlan { course, name, begins });
         Ok(GroupRecord { id, name, created_at_ms, members, follows })
     }
+}
+
+/// Creates a group without trainees, taught by the instructor who makes it. The caller has checked that the scope is of
+/// staff.
+pub(super) async fn insert(
+    tx: &mut SqliteConnection,
+    (scope, now_ms): (&Scope, i64),
+    name: &Name,
+) -> StoreResult<GroupId> {
+    let id = GroupId::at(now_ms);
+    let insert = sqlx::query(INSERT_GROUP).bind(id).bind(name).bind(now_ms);
+    insert.execute(&mut *tx).await.map_err(taken("group name"))?;
+    if let Some(teacher) = teacher(scope) {
+        sqlx::query(INSERT_INSTRUCTOR).bind(id).bind(teacher).execute(&mut *tx).await?;
+    }
+    note(tx, scope, now_ms, ("create", "group"), id).await?;
+    Ok(id)
+}
+
+/// The instructor who teaches a group that this scope makes; administrators see all groups.
+fn teacher(scope: &Scope) -> Option<PersonId> {
+    scope.person().filter(|_| scope.role() == Role::Instructor)
 }

@@ -15,6 +15,7 @@
 //! | [`Store::tokens`] | `create` `list` `of_person` `delete` `delete_own` `scope_of` |
 //! | [`Store::identities`] | `sign_in` `link` `list` `of_person` `remove` `remove_own` `is_provider_sign_in` `sign_out` |
 //! | [`Store::password_links`] | `create` `list` `withdraw` `look_up` `set_password` |
+//! | [`Store::invitations`] | `accounts` `create` |
 //! | [`Store::trainees`] | `create` `enrol` `list` `of_group` `named` `get` `audience` `groups` `change` `erase` |
 //! | [`Store::tasks`] | `create` `list` `get` `changeable` `change` `delete` |
 //! | [`Store::standards`] | `add` `newest` `in_use` `at` `of_tasks` `get` `list` |
@@ -39,12 +40,15 @@
 //! | [`Store::pending_erasures`] | `extent` `request` `list` `take_back` `due` |
 //! | [`Store::retention`] | `old_videos` `drop_videos` `release_failed_pictures` |
 //! | [`Store::installation`] | `id` `backup_folder` `set_backup_folder` |
+//! | [`Store::centre`] | `get` `logo` `set_name` `set_logo` |
+//! | [`Store::first_steps`] | `get` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
 
 mod audit;
 mod blobs;
 mod boxes;
 mod calibrations;
+mod centre;
 mod codes;
 mod cohorts;
 mod columns;
@@ -57,9 +61,11 @@ mod enrolment;
 mod erasures;
 mod error;
 mod feeds;
+mod first_steps;
 mod groups;
 mod identities;
 mod installation;
+mod invitations;
 mod jobs;
 mod open;
 mod owners;
@@ -100,6 +106,7 @@ pub use audit::{AuditEntry, AuditStore, Backup};
 pub use blobs::{BlobStore, BlobUse};
 pub use boxes::{BoxRecord, BoxStore};
 pub use calibrations::{CalibrationRecord, CalibrationStore};
+pub use centre::{CentreRecord, CentreStore};
 pub use cohorts::{CohortRecord, CohortStore, CohortValue};
 pub use comments::{CommentRecord, CommentStore, VisibleComments};
 pub use cookies::{
@@ -107,13 +114,15 @@ pub use cookies::{
 };
 pub use courses::{CourseRecord, CourseStep, CourseStore, GroupCoursePlan, TraineeCourse};
 pub use edits::{EditBasis, EditRecord, EditStore, SessionEdits};
-pub use enrolment::Enrolment;
+pub use enrolment::{EnrolledTrainee, Enrolment, EnrolmentInvitations, EnrolmentOptions};
 pub use erasures::ErasureStore;
 pub use error::{StoreError, StoreResult};
 pub use feeds::{FeedRow, FeedStore, NewFeed};
+pub use first_steps::{FirstStepsRecord, FirstStepsStore};
 pub use groups::{GroupRecord, GroupStore, Members};
 pub use identities::{IdentityRecord, IdentityRefusal, IdentityStore, NewProviderSignIn};
 pub use installation::InstallationStore;
+pub use invitations::{InvitationRecord, InvitationStore, InvitationTerms, Invitations, Invitee, TraineeAccount};
 pub use jobs::{JobRecord, JobStore, Lease, MAX_LOST_LEASES, QueueCounts, SweepResult};
 pub use page::{Cursor, NotACursor, Page, PageRequest};
 pub use palettes::{PaletteRecord, PaletteStore};
@@ -425,6 +434,12 @@ accessors! {
     pending_erasures: PendingErasureStore;
     /// The installation that the database belongs to.
     installation: InstallationStore;
+    /// The centre's name and logo.
+    centre: CentreStore;
+    /// What a new centre has, and lacks.
+    first_steps: FirstStepsStore;
+    /// Accounts of trainees, and links for their passwords.
+    invitations: InvitationStore;
     /// Videos and pictures that are kept for a limited time.
     retention: RetentionStore;
 }

@@ -1,8 +1,14 @@
-//! Links for choosing a password without the old one: an administrator makes one for a new person, or for one who has
-//! forgotten the password. Only the hash of a link's secret is stored. An account has at most one link.
+//! Links for choosing a password without the old one: for a new person, and for one who has forgotten the password.
+//! Administrators make them for all accounts, instructors for their trainees ([`super::invitations`]). Only the hash of a
+//! link's secret is stored. An account has at most one link.
+//!
+//! A link is valid only while its maker could make it: an administrator, or an instructor of the trainee. So an instructor
+//! who leaves a group keeps no way into its trainees' accounts.
 
 use std::net::IpAddr;
 use std::time::Duration;
+
+use sqlx::sqlite::SqliteConnection;
 
 use super::audit::note;
 use super::cookies::remember_places;
@@ -40,13 +46,23 @@ const SELECT_LINKS: &str = "
     WHERE expires_at_ms > $1
       AND NOT EXISTS (SELECT 1 FROM person JOIN pending_erasure USING (trainee_id)
                       WHERE person.id = password_link.person_id)
+      AND (made_by IS NULL
+           OR EXISTS (SELECT 1 FROM person AS maker WHERE maker.id = made_by AND maker.role = 'administrator')
+           OR EXISTS (SELECT 1 FROM person JOIN visible_trainee USING (trainee_id)
+                      WHERE person.id = password_link.person_id AND visible_trainee.role = 'instructor'
+                        AND visible_trainee.subject = made_by))
     ORDER BY id DESC";
 
 const SELECT_LINK_OF_SECRET: &str = "
     SELECT id, person_id, created_at_ms, expires_at_ms FROM password_link
     WHERE secret_hash = $1 AND expires_at_ms > $2
       AND NOT EXISTS (SELECT 1 FROM person JOIN pending_erasure USING (trainee_id)
-                      WHERE person.id = password_link.person_id)";
+                      WHERE person.id = password_link.person_id)
+      AND (made_by IS NULL
+           OR EXISTS (SELECT 1 FROM person AS maker WHERE maker.id = made_by AND maker.role = 'administrator')
+           OR EXISTS (SELECT 1 FROM person JOIN visible_trainee USING (trainee_id)
+                      WHERE person.id = password_link.person_id AND visible_trainee.role = 'instructor'
+                        AND visible_trainee.subject = made_by))";
 
 const SELECT_LINK_PERSON: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person WHERE id = $1";
@@ -72,20 +88,8 @@ impl PasswordLinkStore<'_> {
         lifetime: Duration,
     ) -> StoreResult<PasswordLinkRecord> {
         require_administrator(scope, "making links for passwords")?;
-        let (scope, created_at_ms) = (scope.clone(), self.0.now_ms());
-        let expires_at_ms = created_at_ms + millis(lifetime).max(1);
-        let link =
-            PasswordLinkRecord { id: PasswordLinkId::at(created_at_ms), person_id, created_at_ms, expires_at_ms };
-        self.0
-            .write(async move |tx| {
-                sqlx::query(DELETE_LINK_OF).bind(person_id).execute(&mut *tx).await?;
-                let insert = sqlx::query(INSERT_LINK).bind(link.id).bind(person_id).bind(secret);
-                let insert = insert.bind(created_at_ms).bind(expires_at_ms).bind(scope.person());
-                insert.execute(&mut *tx).await.map_err(missing("person"))?;
-                note(tx, &scope, created_at_ms, ("create", "password_link"), person_id).await?;
-                Ok(link)
-            })
-            .await
+        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0.write(async move |tx| insert_link(tx, (&scope, now_ms), person_id, secret, lifetime).await).await
     }
 
     /// All links that are still valid, newest first.
@@ -140,4 +144,22 @@ impl PasswordLinkStore<'_> {
             })
             .await
     }
+}
+
+/// Makes a link in place of the one that the account had. The caller has checked that the scope may.
+pub(super) async fn insert_link(
+    tx: &mut SqliteConnection,
+    (scope, created_at_ms): (&Scope, i64),
+    person_id: PersonId,
+    secret: SecretHash,
+    lifetime: Duration,
+) -> StoreResult<PasswordLinkRecord> {
+    let expires_at_ms = created_at_ms + millis(lifetime).max(1);
+    let link = PasswordLinkRecord { id: PasswordLinkId::at(created_at_ms), person_id, created_at_ms, expires_at_ms };
+    sqlx::query(DELETE_LINK_OF).bind(person_id).execute(&mut *tx).await?;
+    let insert = sqlx::query(INSERT_LINK).bind(link.id).bind(person_id).bind(secret);
+    let insert = insert.bind(created_at_ms).bind(expires_at_ms).bind(scope.person());
+    insert.execute(&mut *tx).await.map_err(missing("person"))?;
+    note(tx, scope, created_at_ms, ("create", "password_link"), person_id).await?;
+    Ok(link)
 }

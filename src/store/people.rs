@@ -108,7 +108,7 @@ const SELECT_PEOPLE: &str = "
 pub(super) const SELECT_PERSON: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person WHERE id = $1";
 
-const SELECT_PERSON_OF: &str = "
+pub(super) const SELECT_PERSON_OF: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person WHERE trainee_id = $1";
 
 const UPDATE_PERSON: &str = "
@@ -235,6 +235,8 @@ impl PersonStore<'_> {
                 require_an_administrator(tx).await?;
                 if person.role != Role::Administrator {
                     withdraw_tokens(tx, (&scope, now_ms), id, Some(person.role)).await?;
+                }
+                if present.role == Role::Administrator && person.role != Role::Administrator {
                     sqlx::query(DELETE_LINKS_MADE_BY).bind(id).execute(&mut *tx).await?;
                 }
                 note(tx, &scope, now_ms, ("change", "person"), id).await?;

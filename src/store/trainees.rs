@@ -70,7 +70,7 @@ const SELECT_NAMED_TRAINEES: &str = "
       AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY name, code";
 
-const SELECT_TRAINEE: &str = "
+pub(super) const SELECT_TRAINEE: &str = "
     SELECT id, code, name, level, handedness, created_at_ms,
            (SELECT count(*) > 1 FROM group_trainee WHERE trainee_id = trainee.id) AS is_in_several_groups
     FROM trainee
@@ -241,7 +241,9 @@ async fn joined_group(
         (Some(group), own) if own.contains(&group) => Ok(Some(group)),
         (Some(_), _) => Err(not_found("group")),
         (None, [only]) => Ok(Some(*only)),
-        (None, []) => Err(StoreError::refused("you teach no group yet: ask an administrator to add you to one")),
+        (None, []) => Err(StoreError::refused(
+            "you teach no group yet: make one first, or ask an administrator to add you to one",
+        )),
         (None, _) => Err(StoreError::refused("you teach several groups: name the one that the trainee joins")),
     }
 }

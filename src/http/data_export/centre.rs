@@ -7,7 +7,9 @@ use serde_json::Value;
 
 use super::archive::{Archive, ExportFailure, unless_gone};
 use super::{ExportJob, person};
+use crate::domain::centre::LogoFormat;
 use crate::domain::text::Key;
+use crate::http::centre::CentreResponse;
 use crate::http::cohorts::CohortResponse;
 use crate::http::courses::CoursePlan;
 use crate::http::groups::GroupResponse;
@@ -24,6 +26,7 @@ const README: &str = "\
 This file holds what Trocar stores about a centre. It is for reading and for other programs. It is no backup: it cannot be
 restored.
 
+centre.json        name of the centre, and its logo beside it
 accounts.json      accounts, without their passwords
 groups.json        groups and their members
 tasks.json         tasks, with the versions of their standards
@@ -55,6 +58,7 @@ struct CohortWithMembers {
 pub(super) fn add(job: &ExportJob, archive: &mut Archive) -> Result<(), ExportFailure> {
     archive.add_text("README.txt", &format!("{README}{}", person::FILES))?;
     let (store, scope) = (&job.app.store, &job.scope);
+    add_name_and_logo(job, archive)?;
     let mut accounts = Vec::new();
     each(
         job,
@@ -119,6 +123,16 @@ pub(super) fn add(job: &ExportJob, archive: &mut Archive) -> Result<(), ExportFa
             unless_gone(person::add(job, &trainee, &format!("trainees/{}/", trainee.code), archive)).map(drop)
         },
     )
+}
+
+fn add_name_and_logo(job: &ExportJob, archive: &mut Archive) -> Result<(), ExportFailure> {
+    archive.add_json("centre.json", &CentreResponse::from(job.wait(job.app.store.centre().get())?))?;
+    let Some(logo) = job.wait(job.app.store.centre().logo())? else { return Ok(()) };
+    let name = match logo.format {
+        LogoFormat::Png => "logo.png",
+        LogoFormat::Jpeg => "logo.jpg",
+    };
+    archive.add_file(name, logo.bytes.as_slice())
 }
 
 fn cohort_members(job: &ExportJob, cohort: CohortId) -> Result<Vec<TraineeId>, ExportFailure> {

@@ -2,6 +2,7 @@
 
 mod enrol;
 mod erasures;
+mod invitations;
 mod progress;
 mod xapi;
 
@@ -9,6 +10,7 @@ use axum::extract::State;
 use axum::http::StatusCode;
 pub use enrol::*;
 pub use erasures::*;
+pub use invitations::*;
 pub use progress::*;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};

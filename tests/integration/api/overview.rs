@@ -55,7 +55,10 @@ async fn a_list_is_enrolled_whole_or_not_at_all() {
     // A generated code avoids the codes that later rows state.
     let rows = json!([{"name": "Dan"}, {"name": "Danica", "code": "dan"}, good]);
     let checked = centre.administrator.post(ENROLMENTS, json!({"rows": rows, "only_check": true})).await;
-    assert_eq!(read(checked, StatusCode::OK).await, json!({"enrolled": [], "problems": []}));
+    assert_eq!(
+        read(checked, StatusCode::OK).await,
+        json!({"enrolled": [], "problems": [], "new_groups": [], "invitations": []})
+    );
     assert_eq!(centre.administrator.read("/api/v1/trainees").await["items"].as_array().unwrap().len(), 2);
     let done = read(centre.administrator.post(ENROLMENTS, json!({"rows": rows})).await, StatusCode::OK).await;
     let codes: Vec<&str> = done["enrolled"].as_array().unwrap().iter().map(|of| of["code"].as_str().unwrap()).collect();

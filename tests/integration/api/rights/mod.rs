@@ -102,6 +102,7 @@ impl Rule {
                 .header(header::SEC_WEBSOCKET_KEY, "dGhlIHNhbXBsZSBub25jZQ=="),
             json => {
                 let json = json.replace("$course", &world.course).replace("$unique", &format!("Plan of {unique}"));
+                let json = json.replace("$id", &subject.id);
                 content(request, "application/json").body(json)
             }
         }
