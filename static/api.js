@@ -5,6 +5,8 @@ import { t } from './texts.js';
 const ROOT = `${basePath}/api/v1`;
 /** @type {Set<() => void>} */
 const signedOutCallbacks = new Set();
+/** @type {Set<() => void>} */
+const changedCallbacks = new Set();
 
 /**
  * An RFC 9457 problem with all of its members: `title` says what happened, `detail` what to do. translate.js has both
@@ -54,6 +56,16 @@ export function onSignedOut(callback) {
 }
 
 /**
+ * Calls back after each request of this page that changed something.
+ *
+ * @param {() => void} callback
+ */
+export function onChanged(callback) {
+  changedCallbacks.add(callback);
+  return () => void changedCallbacks.delete(callback);
+}
+
+/**
  * @param {ApiPath} path
  * @param {ApiQuery} [query]
  */
@@ -77,14 +89,15 @@ const socketAddress = (path, query) => `${location.origin.replace(/^http/, 'ws')
  * @param {M} method
  * @param {KnownPath<M, P>} path
  * @param {{ query?: ApiQueryOf<M, P>, json?: ApiBody<M, P>, form?: FormData, table?: string,
- *   signal?: AbortSignal }} [options]
+ *   picture?: Blob, signal?: AbortSignal }} [options]
  * @returns {Promise<ApiAnswer<M, P>>}
  */
-async function request(method, path, { query, json, form, table, signal } = {}) {
+async function request(method, path, { query, json, form, table, picture, signal } = {}) {
   const headers = { accept: 'application/json' };
   if (json !== undefined) headers['content-type'] = 'application/json';
   if (table !== undefined) headers['content-type'] = 'text/csv';
-  const body = json !== undefined ? JSON.stringify(json) : (table ?? form);
+  if (picture) headers['content-type'] = picture.type;
+  const body = json !== undefined ? JSON.stringify(json) : (table ?? picture ?? form);
   let answer, text;
   try {
     const url = address(path, /** @type {ApiQuery} */ (query));
@@ -93,7 +106,10 @@ async function request(method, path, { query, json, form, table, signal } = {}) 
   } catch (error) {
     throw error.name === 'AbortError' ? error : Problem.offline();
   }
-  if (answer.ok) return parse(text);
+  if (answer.ok) {
+    if (method !== 'GET') changedCallbacks.forEach(callback => callback());
+    return parse(text);
+  }
   const problem = Problem.fromText(answer.status, text);
   // A wrong password is refused with 401, too, and ends no sign-in.
   if (answer.status === 401 && problem.type.endsWith('not-signed-in')) signedOutCallbacks.forEach(callback => callback());
@@ -272,10 +288,30 @@ export const api = {
     cancel: id => request('POST', ['rescorings', id, 'cancel']),
   },
   /**
-   * Enrols many trainees at once: all or none.
-   * @param {Schemas['NewEnrolment']['rows']} rows @param {boolean} onlyCheck
+   * Enrols many trainees at once: all or none. The options say whether groups and accounts are made.
+   * @param {Schemas['NewEnrolment']['rows']} rows @param {Omit<Schemas['NewEnrolment'], 'rows'>} options
    */
-  enrol: (rows, onlyCheck) => request('POST', ['enrolments'], { json: { rows, only_check: onlyCheck } }),
+  enrol: (rows, options) => request('POST', ['enrolments'], { json: { rows, ...options } }),
+  invitations: {
+    /** How the trainees sign in; with a group only its trainees. @param {string} [group] @param {AbortSignal} [signal] */
+    accounts: (group, signal) => request('GET', ['trainee-accounts'], { query: { group }, signal }).then(page => page.items),
+    /** @param {Schemas['NewInvitation'][]} invitations @param {boolean} alsoWithPassword */
+    create: (invitations, alsoWithPassword) =>
+      request('POST', ['invitations'], { json: { invitations, also_with_password: alsoWithPassword } }),
+  },
+  /** The centre's name and logo, which need no sign-in to be read. */
+  centre: {
+    get: () => request('GET', ['centre']),
+    /** @param {string | null} name */
+    setName: name => request('PUT', ['centre'], { json: { name } }),
+    /** @param {Blob} picture */
+    setLogo: picture => request('PUT', ['centre', 'logo'], { picture }),
+    removeLogo: () => request('DELETE', ['centre', 'logo']),
+    /** @param {string} version */
+    logoAddress: version => address(['centre', 'logo'], { version }),
+  },
+  /** Which first steps of a new centre are done. @param {AbortSignal} [signal] */
+  firstSteps: signal => request('GET', ['first-steps'], { signal }),
   /** @param {AbortSignal} [signal] */
   attention: signal => request('GET', ['attention'], { signal }),
   /** @param {AbortSignal} [signal] */

@@ -3,6 +3,7 @@ import { html, render, useEffect, useErrorBoundary, useRef, useState } from './p
 import { api, onSignedOut } from './api.js';
 import { basePath } from './base_path.js';
 /** @import { Problem } from './api.js' */
+import { loadCentre } from './centre.js';
 import { asProblem } from './data.js';
 import { startLive, stopLive } from './live.js';
 import { may } from './roles.js';
@@ -68,8 +69,13 @@ function App() {
   const [providerAnswer, setProviderAnswer] = useState(answerInAddress);
   const [typedPassword, setTypedPassword] = useState(''); // only until it is changed
 
-  const loadPerson = () =>
-    api.me().then(setPerson, error => (error.status === 401 ? setPerson(null) : setProblem(asProblem(error))));
+  const loadPerson = async () => {
+    const centre = loadCentre(); // Beside the person: the first page then shows the centre's name from the start.
+    const show = await api.me().then(me => () => setPerson(me),
+      error => () => (error.status === 401 ? setPerson(null) : setProblem(asProblem(error))));
+    await centre;
+    show();
+  };
   useEffect(() => void loadPerson(), []);
   useEffect(
     () =>

@@ -28,6 +28,9 @@ const PAGES = [
   { pattern: '/boxes/:id/setup', nav: 'boxes', needs: 'edit_boxes', load: () => import('./pages/setup.js') },
   { pattern: '/people', nav: 'people', needs: 'people', load: () => import('./pages/people.js') },
   { pattern: '/service', nav: 'people', needs: 'people', load: () => import('./pages/service.js') },
+  { pattern: '/centre', nav: 'people', needs: 'people', load: () => import('./pages/centre.js') },
+  { pattern: '/first-steps', nav: 'today', needs: 'see_trainees', load: () => import('./pages/first_steps.js') },
+  { pattern: '/invite', nav: 'trainees', needs: 'edit_trainees', load: () => import('./pages/invite.js') },
   { pattern: '/account', nav: 'account', load: () => import('./pages/account.js') },
 ];
 

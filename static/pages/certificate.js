@@ -8,7 +8,7 @@ import { href } from '../router.js';
 import { t } from '../texts.js';
 import { featureWithTool } from '../translate.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
-import { Provenance, Sheet } from '../parts/page/report.js';
+import { Provenance, reference, Sheet } from '../parts/page/report.js';
 import { limitText } from '../parts/tasks/standard.js';
 
 const words = t.certificate;
@@ -73,9 +73,10 @@ function Paper({ progress: { trainee, task, standard, sessions, passed, pipeline
       <div class="signatures"><div>${words.signature}</div><div>${words.signatureDate}</div></div>
       <${Provenance} rows=${[
         [t.report.program, pipeline],
-        [t.report.standard, `${t.report.versionOf(standard.version)}, ${standard.id}`],
-        [t.report.traineeId, trainee.id],
-        [t.report.taskId, task.id],
+        [t.report.standard, t.report.versionOf(standard.version)],
+        [t.report.traineeId, trainee.code],
+        [t.report.taskId, task.code],
+        [t.report.reference, `${reference(standard.id)}-${reference(trainee.id)}`],
       ]} />
     <//>`;
 }

@@ -3,7 +3,7 @@
 import { html, useEffect } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
-import { Brand } from '../parts/page/icons.js';
+import { CentreMark } from '../parts/page/centre_mark.js';
 import { Form } from '../parts/forms/form.js';
 import { LanguageChoice } from '../parts/page/language.js';
 import { Loading, ProblemNotice } from '../parts/page/notice.js';
@@ -68,7 +68,7 @@ function GateCard({ children }) {
     <main class="gate">
       <section class="card">
         <div class="body">
-          <div class="brand"><${Brand} size=${36} />${t.product}</div>
+          <div class="brand"><${CentreMark} size=${36} /></div>
           <h1>${words.title}</h1>
           ${children}
           <${LanguageChoice} />

@@ -1,4 +1,5 @@
-// Enrols many people from a table: read here, checked by the service, shown row by row; then all are enrolled, or none.
+// Enrols many people from a table: read here, checked by the service, shown row by row; then all are enrolled, or none. The
+// groups that are missing and the accounts are made with them.
 import { html, useEffect, useRef, useState } from '../preact.js';
 import { api } from '../api.js';
 import { decodeFile, parseRows } from '../csv.js';
@@ -7,6 +8,7 @@ import { href } from '../router.js';
 import { serviceLang, t } from '../texts.js';
 import { Field } from '../parts/forms/form.js';
 import { Announce, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { MadeInvitations } from '../parts/people/invitations.js';
 
 const words = t.enrol;
 const FIELDS = Object.keys(words.columns);
@@ -25,23 +27,27 @@ export default function Enrol({ route }) {
     await work().catch(error => setProblem(asProblem(error)));
     setBusy(null);
   };
-  const check = (text, group) => run('check', async () => {
+  const check = (text, group, invite) => run('check', async () => {
     setChecked(null);
     const countAtStart = changeCount.current;
     const table = read(await text, group);
-    const answer = table.rows ? await api.enrol(table.rows, true) : { problems: [] };
-    if (countAtStart === changeCount.current) setChecked({ ...table, problems: answer.problems });
+    const options = { only_check: true, make_groups: true, invite };
+    const { problems, new_groups: newGroups } = table.rows ? await api.enrol(table.rows, options) : { problems: [], new_groups: [] };
+    if (countAtStart === changeCount.current) setChecked({ ...table, problems, newGroups, invite });
   });
   const change = () => {
     changeCount.current += 1;
     setChecked(null);
   };
-  const enrol = () => run('enrol', async () => setEnrolled((await api.enrol(checked.rows, false)).enrolled));
+  const enrol = () => run('enrol', async () => {
+    const options = { only_check: false, make_groups: checked.newGroups.length > 0, invite: checked.invite };
+    setEnrolled(await api.enrol(checked.rows, options));
+  });
   useEffect(() => void (enrolled && /** @type {HTMLElement} */ (document.querySelector('main h1')).focus()), [enrolled]);
-  const announcement = enrolled ? words.done(enrolled.length) : checked ? summaryOf(checked) : '';
+  const announcement = enrolled ? words.done(enrolled.enrolled.length) : checked ? summaryOf(checked) : '';
   return html`
     <${Announce}>${announcement}<//>
-    ${enrolled ? html`<${Done} enrolled=${enrolled} />` : html`
+    ${enrolled ? html`<${Done} outcome=${enrolled} />` : html`
       <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['groups'])}>${t.groups.all}</a><//>
       <div class="stack">
         <${Source} groups=${groups ?? []} wanted=${route.query.get('group')} busy=${busy === 'check'} onCheck=${check}
@@ -51,15 +57,21 @@ export default function Enrol({ route }) {
       </div>`}`;
 }
 
+/** The choice of a group that does not exist yet; no group has this name, since names are trimmed. */
+const NEW_GROUP = ' ';
+
 function Source({ groups, wanted, busy, onCheck, onChange }) {
-  const [file, text] = [useRef(null), useRef(null)];
+  const [file, text, newGroup] = [useRef(null), useRef(null), useRef(null)];
   const [groupName, setGroupName] = useState(wanted ?? '');
+  const [invite, setInvite] = useState(true);
   const submit = event => {
     event.preventDefault();
     const [chosen] = file.current.files;
-    onCheck(chosen ? decodeFile(chosen) : text.current.value, groupName);
+    const group = groupName === NEW_GROUP ? newGroup.current.value.trim() : groupName;
+    onCheck(chosen ? decodeFile(chosen) : text.current.value, group, invite);
   };
   const chooseGroup = event => (setGroupName(event.target.value), onChange());
+  const chooseInvite = event => (setInvite(event.target.checked), onChange());
   const pick = () => ((text.current.value = ''), onChange());
   const type = () => ((file.current.value = ''), onChange());
   return html`
@@ -67,9 +79,12 @@ function Source({ groups, wanted, busy, onCheck, onChange }) {
       <div class="fields">
         <${Field} type="file" label=${words.file} hint=${words.fileHint} accept=".csv,.tsv,.txt,text/csv" inputRef=${file} onInput=${pick} />
         <${Field} type="select" label=${words.group} value=${groupName} onInput=${chooseGroup}
-          options=${[['', words.noGroup], ...groups.map(one => [one.name, one.name])]} key=${groups.length} />
+          options=${[['', words.noGroup], ...groups.map(one => [one.name, one.name]), [NEW_GROUP, words.newGroup]]} key=${groups.length} />
+        ${groupName === NEW_GROUP && html`<${Field} label=${words.newGroupName} required maxlength="120" inputRef=${newGroup} onInput=${onChange} />`}
       </div>
       <${Field} type="textarea" label=${words.paste} inputRef=${text} onInput=${type} spellcheck=${false} />
+      <div class="field"><label class="check"><input type="checkbox" checked=${invite} onChange=${chooseInvite} />${words.invite}</label>
+        <p class="hint">${words.inviteHint}</p></div>
       <div class="row">
         <button class="button main" type="submit" disabled=${busy}>${busy ? words.looking : words.look}</button>
         <a class="button" download=${words.exampleName} href=${`data:text/csv;charset=utf-8,${encodeURIComponent(words.exampleText)}`}>
@@ -109,39 +124,48 @@ function summaryOf(checked) {
 }
 
 function CheckResult({ checked, busy, onEnrol }) {
-  const { why, rows, unknown, problems } = checked;
+  const { why, rows, unknown, problems, newGroups, invite } = checked;
+  const [agreed, setAgreed] = useState(false);
   if (why) return html`<${Notice} tone="warn" quiet title=${why} />`;
   const wrong = wrongRows(checked);
+  const isHeld = newGroups.length > 0 && !agreed;
   return html`
     <section class="card">
-      <header><h2>${words.result}</h2>${wrong === 0 && html`<button class="button main" type="button" disabled=${busy} onClick=${onEnrol}>
+      <header><h2>${words.result}</h2>${wrong === 0 && html`<button class="button main" type="button" disabled=${busy || isHeld} onClick=${onEnrol}>
         ${busy ? words.enrolling : words.enrol(rows.length)}</button>`}</header>
       <div class="body stack">
         <${Notice} tone=${wrong ? 'warn' : 'good'} quiet title=${summaryOf(checked)} />
         ${unknown.length > 0 && html`<p class="muted">${words.unknownColumns(unknown)}</p>`}
+        ${newGroups.length > 0 && html`<div class="field"><label class="check"><input type="checkbox" checked=${agreed}
+          onChange=${event => setAgreed(event.target.checked)} />${words.makeGroups(newGroups.length, newGroups.join(', '))}</label><p class="hint">${words.makeGroupsHint}</p></div>`}
       </div>
       <div class="scroll"><table class="table">
         <thead><tr><th scope="col">${words.row}</th>${FIELDS.map(field => html`<th key=${field} scope="col">${words.columns[field]}</th>`)}
           <th scope="col">${words.result}</th></tr></thead>
-        <tbody>${rows.map((row, at) => html`<${Row} key=${at} number=${at + 1} row=${row} problems=${problems.filter(one => one.row === at + 1)} />`)}</tbody>
+        <tbody>${rows.map((row, at) => html`<${Row} key=${at} number=${at + 1} row=${row} isNew=${newGroups.includes(row.group.trim())} invite=${invite} problems=${problems.filter(one => one.row === at + 1)} />`)}</tbody>
       </table></div>
     </section>`;
 }
 
-const Row = ({ number, row, problems }) => html`
+/** What the service makes of an empty cell. */
+const madeOf = (field, invite) => (field === 'code' ? words.made : field === 'login' && invite ? words.madeOfCode : '–');
+
+const Row = ({ number, row, isNew, invite, problems }) => html`
   <tr class=${problems.length ? 'wrong' : ''}>
     <th scope="row" class="short">${number}</th>
-    ${FIELDS.map(field => html`<td key=${field} class=${field === 'code' && !row.code ? 'muted' : ''}>
-      ${wordsOf(field, row[field]) || (field === 'code' ? words.made : '–')}</td>`)}
+    ${FIELDS.map(field => html`<td key=${field} class=${row[field] ? '' : 'muted'}>
+      ${wordsOf(field, row[field]) || madeOf(field, invite)}${field === 'group' && isNew && html` <span class="pill">${words.willBeMade}</span>`}</td>`)}
     <td>${problems.length ? html`<ul class="row-problems">${problems.map(problem => html`<li key=${problem.field}>
       ${words.columns[problem.field]}: <span lang=${serviceLang}>${problem.message}</span></li>`)}</ul>` : words.fine}</td>
   </tr>`;
 
-const Done = ({ enrolled }) => html`
-  <${PageHead} title=${words.title}><a class="button main" href=${href(['groups'])}>${words.back}</a><//>
+/** @param {{ outcome: Schemas['EnrolmentOutcome'] }} props */
+const Done = ({ outcome: { enrolled, invitations } }) => html`
+  <${PageHead} title=${words.title}><a class="button" href=${href(['groups'])}>${words.back}</a><//>
   <div class="stack">
     <${Notice} tone="good" quiet title=${words.done(enrolled.length)} />
-    <section class="card"><header><h2>${words.who}</h2></header>
-      <ul class="queue">${enrolled.map(one => html`<li key=${one.id}><div><a href=${href(['trainees', one.id])}>${one.name}</a>
-        <span class="code">${one.code}</span></div></li>`)}</ul></section>
+    ${invitations.length > 0 ? html`<${MadeInvitations} invitations=${invitations} />` : html`
+      <section class="card"><header><h2>${words.who}</h2><a class="button" href=${href(['invite'])}>${t.invitations.open}</a></header>
+        <ul class="queue">${enrolled.map(one => html`<li key=${one.id}><div><a href=${href(['trainees', one.id])}>${one.name}</a>
+          <span class="code">${one.code}</span></div></li>`)}</ul></section>`}
   </div>`;

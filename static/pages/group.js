@@ -35,6 +35,7 @@ export default function GroupPage({ person, route }) {
     <${PageHead} title=${group.name} lead=${words.count(group.trainees?.length ?? 0)}>
       <a class="button" href=${href(['groups'])}>${words.all}</a>
       ${isAdministrator && html`<button class="button" type="button" onClick=${() => setMembers(true)}>${words.members}</button>`}
+      <a class="button" href=${href(['invite'], { group: id })}>${t.invitations.open}</a>
       <a class="button main" href=${href(['enrol'], { group: group.name })}>${words.enrol}</a>
     <//>
     <div class="stack">

@@ -24,7 +24,7 @@ export default function GroupsPage({ person }) {
     <${PageHead} title=${words.title} lead=${words.lead}>
       <a class="button" href=${href(['courses'])}>${t.courses.open}</a>
       <a class="button" href=${href(['enrol'])}>${words.enrol}</a>
-      ${isAdministrator && html`<${AddButton} label=${words.add} onClick=${() => setOpen('new')} />`}
+      <${AddButton} label=${words.add} onClick=${() => setOpen('new')} />
     <//>
     <div class="stack">
       <${ProblemNotice} problem=${problem} onRetry=${reload} />

@@ -20,7 +20,8 @@ export default function Service() {
   const reloadSoon = useThrottled(reload, 5000);
   useLive('queue', reloadSoon);
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['people'])}>${words.tokens}</a><//>
+    <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['centre'])}>${t.centre.title}</a>
+      <a class="button" href=${href(['first-steps'])}>${t.firstSteps.title}</a><a class="button" href=${href(['people'])}>${words.tokens}</a><//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     ${!data && !problem && html`<${Loading} />`}
     ${data && html`<div class="stack"><${Status} status=${data} /><${Audit} /></div>`}`;

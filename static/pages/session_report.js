@@ -11,7 +11,7 @@ import { leadingReasons } from '../parts/session/verdict.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
 import { recordedAtText } from '../parts/page/recorded_at.js';
-import { Facts, limitWithUnit, measuredText, Provenance, Sheet } from '../parts/page/report.js';
+import { Facts, limitWithUnit, measuredText, Provenance, reference, Sheet } from '../parts/page/report.js';
 
 const words = t.report;
 const MAX_TARGETS = 10; // Per sheet; the sheet says how many are left out.
@@ -144,14 +144,14 @@ function Learning({ progress, session }) {
 function ReportProvenance({ session, progress }) {
   const { versions, video } = session;
   return html`<${Provenance} rows=${[
-    [words.session, session.id],
-    [words.result, session.result],
+    [words.session, reference(session.id)],
+    [words.result, reference(session.result)],
     [words.file, `${session.filename}, ${words.bytes(video.bytes)}`],
     [words.sha256, video.sha256],
     [words.program, [versions.pipeline, versions.tracked_with && words.trackedWith(versions.tracked_with)].filter(Boolean).join(', ')],
-    [t.session.version.calibration, versions.calibration],
-    [t.session.version.palette, versions.palette],
-    [t.session.version.model, versions.model],
+    [t.session.version.calibration, reference(versions.calibration)],
+    [t.session.version.palette, reference(versions.palette)],
+    [t.session.version.model, reference(versions.model)],
     [words.standard, progress?.standard && words.versionOf(progress.standard.version)],
   ]} />`;
 }

@@ -1,7 +1,7 @@
 // Sign in. The address stays, so that a deep link works across it.
 import { html, useEffect } from '../preact.js';
 import { api, Problem } from '../api.js';
-import { Brand } from '../parts/page/icons.js';
+import { CentreMark } from '../parts/page/centre_mark.js';
 import { Form } from '../parts/forms/form.js';
 import { LanguageChoice } from '../parts/page/language.js';
 import { Notice } from '../parts/page/notice.js';
@@ -45,7 +45,7 @@ export function SignIn({ expired, onSignedIn }) {
     <main class="gate">
       <section class="card">
         <div class="body">
-          <h1 class="brand"><${Brand} size=${36} />${t.product}</h1>
+          <h1 class="brand"><${CentreMark} size=${36} /></h1>
           <p>${words.lead}</p>
           ${!isSecureContext && html`<${Notice} tone="warn" title=${words.notSecure}>${words.notSecureBody}<//>`}
           ${expired && html`<${Notice} tone="warn" title=${words.again} />`}

@@ -8,6 +8,9 @@ import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { problemTitle } from '../translate.js';
+import { FirstSteps } from '../parts/guide/first_steps.js';
+import { useHidden } from '../parts/guide/followed.js';
+import { useFirstSteps } from '../parts/guide/guide_state.js';
 import { Attention } from '../parts/people/attention.js';
 import { icons } from '../parts/page/icons.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
@@ -50,6 +53,22 @@ function useScored() {
 
 /** @param {Props} props */
 export default function Today({ person }) {
+  return may(person, 'see_trainees') ? html`<${StaffToday} person=${person} />` : html`<${Overview} person=${person} />`;
+}
+
+/** While the centre has no recording, the way through the first steps. @param {Props} props */
+function StaffToday({ person }) {
+  const { data: guide, reload } = useFirstSteps([]);
+  const [isHidden, hide] = useHidden(person);
+  const reloadSoon = useThrottled(() => guide?.is_empty && reload(), RELOAD_MS);
+  useLive('queue', reloadSoon);
+  useLive('session', reloadSoon);
+  if (!guide?.is_empty || isHidden) return html`<${Overview} person=${person} hiddenGuide=${guide?.is_empty} />`;
+  return html`<${PageHead} title=${words.title} lead=${t.firstSteps.lead} /><${FirstSteps} guide=${guide} onHide=${() => hide(true)} />`;
+}
+
+/** @param {Props} props */
+function Overview({ person, hiddenGuide }) {
   const { data, problem, reload } = useData(load, []);
   const [progress, setProgress] = useState({});
   const [announcement, setAnnouncement] = useState('');
@@ -89,6 +108,7 @@ export default function Today({ person }) {
   return html`
     <${PageHead} title=${words.title} lead=${words.lead}>
       <${LiveState} />
+      ${hiddenGuide && html`<a class="button" href=${href(['first-steps'])}>${t.firstSteps.title}</a>`}
       ${mayUpload && html`<a class="button main" href=${href(['upload'])}><${icons.upload} />${words.upload}</a>`}
     <//>
     <${ProblemNotice} problem=${failed?.problem} onRetry=${failed?.reload} />

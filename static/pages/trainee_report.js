@@ -8,7 +8,7 @@ import { featureWithTool } from '../translate.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
 import { ProgressSummary } from '../parts/people/progress_summary.js';
-import { Facts, limitWithUnit, measuredText, Provenance, Sheet } from '../parts/page/report.js';
+import { Facts, limitWithUnit, measuredText, Provenance, reference, Sheet } from '../parts/page/report.js';
 
 const words = t.report;
 const MAX_SESSIONS = 14; // The last ones; the sheet says how many came before.
@@ -44,8 +44,8 @@ export default function TraineeReport({ route }) {
         [words.program, data.pipeline],
         [words.standard, data.standard ? words.versionOf(data.standard.version) : words.noStandard],
         [words.cohort, data.cohort && words.people(data.cohort.name, data.cohort.people)],
-        [words.traineeId, trainee.id],
-        [words.taskId, task.id],
+        [words.taskId, task.code],
+        [words.reference, reference(trainee.id)],
       ]} />
     <//>`;
 }

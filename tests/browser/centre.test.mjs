@@ -50,6 +50,13 @@ test('a group is enrolled from a table, after its wrong row is corrected', async
   await button('Enrol 2 people').click();
   await page.locator('.notice', { hasText: '2 people are enrolled' }).waitFor();
   await page.waitForFunction(() => document.activeElement === document.querySelector('main h1'));
+  const slips = page.locator('.slip', { has: page.getByRole('img', { name: /^QR code/ }) });
+  assert.deepEqual(await slips.locator('.who').allInnerTexts(), [ADA, BEN]);
+  [made.adaLogin] = await slips.locator('.login').allInnerTexts();
+  [made.adaLink] = await slips.locator('.link').allInnerTexts();
+  assert.match(made.adaLink, /\/choose-password#[\w-]{43}$/);
+  await takePictures('02-invited');
+  assert.equal(pagesOf(await printToPdf('slips')), 1);
   await page.locator('main .unseen', { hasText: '2 people are enrolled' }).waitFor({ state: 'attached' });
   const groups = await getJson('groups');
   made.group = groups.items.find(group => group.name === GROUP);
@@ -335,13 +342,83 @@ test('in every look, no page of the centre is wider than the screen', async () =
   }
 });
 
+test('the centre’s name and logo are on the sign-in page, at the top of each page and on the certificate', async () => {
+  await open('/centre');
+  await page.getByLabel('Name of the centre').fill('Skills lab, St. Mary’s');
+  await button('Save').click();
+  await page.locator('.notice', { hasText: 'The name is saved' }).waitFor();
+  const picture = await page.locator('.top').screenshot(); // any picture, wider than a logo may be
+  await page.getByLabel('Picture').setInputFiles({ name: 'logo.png', mimeType: 'image/png', buffer: picture });
+  await button('Use this picture').click();
+  await page.locator('.notice', { hasText: 'The logo is saved' }).waitFor();
+  const isDrawn = logo => logo.evaluate(of => of.decode().then(() => of.naturalWidth === 640));
+  assert.ok(await isDrawn(page.locator('.top .centre-logo')), 'made smaller by the page');
+  await takePictures('11-centre');
+  await open(`/trainees/${made.ada.id}/certificate?task=${made.task.id}`);
+  await page.locator('.certificate .letterhead', { hasText: 'Skills lab, St. Mary’s' }).waitFor();
+  assert.ok(await isDrawn(page.locator('.certificate .centre-logo')));
+  assert.doesNotMatch(await page.locator('.certificate').innerText(), /[0-9a-f]{8}-[0-9a-f]{4}-/, 'no id of 36 digits');
+  assert.equal(pagesOf(await printToPdf('certificate-of-centre')), 1);
+  const stranger = await person(browser, { prefix: 'centre-' });
+  await stranger.open('/').catch(() => {}); // the sign-in page has its heading in a card
+  await stranger.page.locator('h1', { hasText: 'Skills lab, St. Mary’s' }).waitFor();
+  await stranger.takePictures('12-sign-in');
+  await stranger.page.context().close();
+  await open('/centre');
+  await button('Remove the logo').click();
+  await page.locator('.notice', { hasText: 'The logo is removed' }).waitFor();
+  await page.getByLabel('Name of the centre').fill('');
+  await button('Save').click();
+  await page.locator('.top .brand', { hasText: 'Trocar' }).waitFor();
+});
+
+test('an instructor without recordings is led through the first steps, hides them and finds them again', async () => {
+  const [login, secret] = [`new-${mark}`, 'a password of an instructor'];
+  await create('people', { login, name: `New ${mark}`, role: 'instructor', password: secret });
+  const instructor = await person(browser, { prefix: 'centre-' });
+  const own = instructor.page;
+  const step = name => own.locator('.guide-steps li', { hasText: name });
+  await own.goto(url);
+  await instructor.signIn(secret, login);
+  await step('A group').getByRole('link', { name: 'Do this' }).click();
+  await instructor.heading('Groups').waitFor();
+  const bar = own.locator('.guide-bar');
+  await bar.getByText('this page: A group').waitFor();
+  await own.getByRole('button', { name: 'Add a group' }).click();
+  await own.locator('dialog').getByLabel('Name').fill(`Evening ${mark}`);
+  await own.getByRole('button', { name: 'Save' }).click();
+  await bar.getByRole('link', { name: 'Next: People' }).click();
+  await instructor.heading('Enrol from a list').waitFor();
+  await own.getByLabel('Or paste the rows').fill(`Name;Group\nCleo ${mark};Night ${mark}\n`);
+  await own.getByRole('button', { name: 'Check the table' }).click();
+  await own.getByText('will be made').waitFor();
+  assert.ok(await own.getByRole('button', { name: 'Enrol 1 person' }).isDisabled(), 'the new group needs a tick');
+  await own.getByLabel(`Make this group: Night ${mark}`).check();
+  await own.getByRole('button', { name: 'Enrol 1 person' }).click();
+  await own.locator('.slip .who', { hasText: `Cleo ${mark}` }).waitFor();
+  await bar.getByRole('link', { name: 'All first steps' }).click();
+  await own.locator('.guide-steps .done', { hasText: 'People' }).waitFor();
+  await instructor.takePictures('13-first-steps');
+  await own.getByRole('link', { name: 'Today' }).first().click();
+  await own.getByRole('button', { name: 'Hide' }).click();
+  await own.locator('.figures').waitFor();
+  await own.locator('.head').getByRole('link', { name: 'First steps' }).click();
+  await own.locator('.guide-steps').waitFor();
+  assert.deepEqual(instructor.pageFaults, []);
+  await own.context().close();
+});
+
 test('a trainee sees their own pass, and nothing of others', async () => {
-  const account = { login: `ada-${mark}`, name: ADA, role: 'trainee', password: OWN_PASSWORD, trainee: made.ada.id };
-  await create('people', account);
   const trainee = await person(browser, { viewport: LOOKS[1].viewport, prefix: 'centre-' });
   const own = trainee.page;
+  await own.goto(made.adaLink);
+  await own.getByText(ADA).waitFor();
+  assert.equal(await own.getByLabel('Sign-in name').inputValue(), made.adaLogin);
+  await own.getByLabel('New password', { exact: true }).fill(OWN_PASSWORD);
+  await own.getByLabel('New password, again').fill(OWN_PASSWORD);
+  await own.getByRole('button', { name: 'Set password' }).click();
+  await trainee.heading('Today').waitFor();
   await own.goto(`${url}/trainees/${made.ada.id}/certificate?task=${made.task.id}`);
-  await trainee.signIn(OWN_PASSWORD, account.login);
   await own.locator('.certificate .who', { hasText: ADA }).waitFor();
   await own.goto(`${url}/trainees/${made.ada.id}?task=${made.task.id}`);
   await own.locator('.balance').waitFor();

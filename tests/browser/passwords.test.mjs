@@ -75,7 +75,7 @@ test('a new person chooses a password with a link, which works once', async () =
   assert.deepEqual(requested.filter(address => address.includes(secret)), [], 'addresses that contain the secret');
 
   await invited.page.goto(link);
-  await invited.page.getByText('Ask an administrator for a new one').waitFor();
+  await invited.page.getByText('Ask your instructor or an administrator for a new one').waitFor();
   await invited.button('Go to the sign-in page').click();
   await invited.heading('Today').waitFor(); // still signed in
   await page.reload();
@@ -95,7 +95,7 @@ test('a link is withdrawn on the page', async () => {
   await waitUntil(async () => (await withdraw.count()) === 0, 'the end of the link');
   const stranger = await person(browser);
   await stranger.page.goto(link);
-  await stranger.page.getByText('Ask an administrator for a new one').waitFor();
+  await stranger.page.getByText('Ask your instructor or an administrator for a new one').waitFor();
   await stranger.button('Go to the sign-in page').click();
   await stranger.page.locator('input[name=login]').waitFor();
   await stranger.page.context().close();

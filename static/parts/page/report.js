@@ -4,6 +4,7 @@ import { dateTime, number, unit } from '../../format.js';
 import { href } from '../../router.js';
 import { t } from '../../texts.js';
 import { withError } from '../../with_error.js';
+import { CentreLetterhead } from './centre_mark.js';
 
 const words = t.report;
 
@@ -17,7 +18,7 @@ export const Sheet = ({ title, back, kind = '', footer = words.printed, children
     <span class="small muted">${words.hint}</span>
   </div>
   <article class=${`report ${kind}`}>
-    <header><p>${words.brand}</p><h1 tabindex="-1">${title}</h1></header>
+    <header><${CentreLetterhead} /><h1 tabindex="-1">${title}</h1></header>
     ${children}
     <footer>${footer(dateTime(new Date().toISOString()))}</footer>
   </article>`;
@@ -27,6 +28,13 @@ export const Sheet = ({ title, back, kind = '', footer = words.printed, children
 export const Facts = ({ rows }) => html`
   <dl class="about">${rows.filter(([, value]) => value).map(([name, value]) => html`
     <div key=${name}><dt>${name}</dt><dd>${value}</dd></div>`)}</dl>`;
+
+/**
+ * A short reference to a thing with an id: its last digits, by which the page of the thing can be recognised.
+ *
+ * @param {string | null | undefined} id
+ */
+export const reference = id => id && id.slice(-8);
 
 /** The versions and ids that the numbers can be traced to: short for reading, complete where exactness matters. */
 export const Provenance = ({ rows }) => html`

@@ -4,11 +4,12 @@ import { csvText } from '../../csv.js';
 import { t } from '../../texts.js';
 
 /**
- * `rows()` returns the table, its heading first. `name`: of the file, without its ending.
+ * `rows()` returns the table, its heading first. `name`: of the file, without its ending. Without `isPrinted` only
+ * saving is offered.
  *
- * @param {{ name: string, rows: () => (string | number | null | undefined)[][] }} props
+ * @param {{ name: string, rows: () => (string | number | null | undefined)[][], isPrinted?: boolean }} props
  */
-export function SaveTable({ name, rows }) {
+export function SaveTable({ name, rows, isPrinted = true }) {
   const save = () => {
     const address = URL.createObjectURL(new Blob([csvText(rows())], { type: 'text/csv;charset=utf-8' }));
     const link = Object.assign(document.createElement('a'), { href: address, download: `${fileName(name)}.csv` });
@@ -18,7 +19,7 @@ export function SaveTable({ name, rows }) {
   return html`
     <div class="body row save-table">
       <button class="button" type="button" onClick=${save}>${t.saveTable.save}</button>
-      <button class="button" type="button" onClick=${() => window.print()}>${t.saveTable.print}</button>
+      ${isPrinted && html`<button class="button" type="button" onClick=${() => window.print()}>${t.saveTable.print}</button>`}
     </div>`;
 }
 

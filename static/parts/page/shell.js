@@ -1,11 +1,13 @@
 // The frame of every page: skip link, product, navigation, language, theme, account.
 import { html, useEffect, useState } from '../../preact.js';
-import { href } from '../../router.js';
+import { href, useRoute } from '../../router.js';
 import { may } from '../../roles.js';
 import { chooseTheme, onThemeChange, themeChoice } from '../../theme.js';
 import { t } from '../../texts.js';
 import { isRecording, onRecording } from '../../record/current_recording.js';
-import { Brand, icons } from './icons.js';
+import { useFollowed } from '../guide/followed.js';
+import { CentreMark } from './centre_mark.js';
+import { icons } from './icons.js';
 import { LanguageMenu } from './language.js';
 
 const NEXT_THEME = { system: 'light', light: 'dark', dark: 'system' };
@@ -39,7 +41,7 @@ export function Shell({ person, current, children }) {
   return html`
     <a class="button skip" href="#main">${t.skip}</a>
     <header class="top">
-      <a class="brand" href=${href([])}><${Brand} />${t.product}</a>
+      <a class="brand" href=${href([])}><${CentreMark} /></a>
       <nav aria-label=${t.nav.label}>
         <ul>
           ${navEntries(person).map(([name, path]) => html`
@@ -55,7 +57,23 @@ export function Shell({ person, current, children }) {
         </a>
       </div>
     </header>
+    <${Guide} person=${person} />
     <main id="main" tabindex="-1">${children}</main>`;
+}
+
+/** The pages that show the whole guide. */
+const GUIDE_PAGES = ['', 'first-steps'];
+
+/** The way through the first steps, for staff who follow the guide; its module is loaded then. */
+function Guide({ person }) {
+  const address = useRoute().path.join('/');
+  const [state, setState] = useState(/** @type {{ Bar?: any }} */ ({}));
+  const isFollowed = useFollowed();
+  const isShown = isFollowed && may(person, 'see_trainees') && !GUIDE_PAGES.includes(address);
+  useEffect(() => {
+    if (isShown && !state.Bar) import('../guide/guide_bar.js').then(module => setState({ Bar: module.default }), () => {});
+  }, [isShown]);
+  return isShown && state.Bar && html`<${state.Bar} address=${address} />`;
 }
 
 /** Shows on every page that a recording is running. */
