@@ -1,6 +1,24 @@
 -- The schema of a fresh database, as SQLite stores it once all files of migrations/ were applied: tables, indexes,
 -- triggers, views. `make schema` writes this file and a test compares it. migrations/README.md has the conventions.
 
+CREATE TABLE attention_dismissal (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- DismissalId
+    person_id     TEXT NOT NULL REFERENCES person (id) ON DELETE CASCADE,    -- whose list
+    kind          TEXT NOT NULL CHECK (kind IN ('box_asked', 'refused', 'unrated', 'relapsed', 'due')), -- what is dismissed
+    trainee_id    TEXT NOT NULL REFERENCES trainee (id) ON DELETE CASCADE,   -- the trainee
+    task_id       TEXT NOT NULL REFERENCES task (id) ON DELETE CASCADE,      -- the task
+    since_ms      INTEGER,                                                   -- of an alarm: when it began, epoch ms; NULL: sessions are dismissed
+    until_ms      INTEGER CHECK (until_ms > created_at_ms),                  -- shown again from then on, epoch ms; NULL: stays dismissed
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when dismissed, epoch ms
+    CHECK ((kind IN ('relapsed', 'due')) = (since_ms IS NOT NULL))
+) STRICT;
+
+CREATE TABLE attention_dismissal_session (
+    dismissal_id TEXT NOT NULL REFERENCES attention_dismissal (id) ON DELETE CASCADE, -- the dismissal
+    session_id   TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,    -- a session that it covers
+    PRIMARY KEY (dismissal_id, session_id)
+) STRICT, WITHOUT ROWID;
+
 CREATE TABLE audit (
     id      INTEGER PRIMARY KEY AUTOINCREMENT,                               -- order of writing, never used again
     at_ms   INTEGER NOT NULL CHECK (at_ms >= 0),                             -- when, epoch ms
@@ -279,14 +297,15 @@ CREATE TABLE person (
     CHECK ((role = 'trainee') = (trainee_id IS NOT NULL))
 ) STRICT;
 
-CREATE TABLE rating (
+CREATE TABLE "rating" (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- RatingId
-    session_id    TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,   -- which session; erased with it
-    person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- the rater; NULL: here no more
-    form          TEXT NOT NULL CHECK (form IN ('osats', 'goals')),          -- which form
-    form_version  INTEGER NOT NULL CHECK (form_version >= 1),                -- which wording of it
-    items         TEXT NOT NULL CHECK (json_valid(items)),                   -- a mark from 1 to 5 or null for each item ([Mark])
-    is_blind      INTEGER NOT NULL CHECK (is_blind IN (0, 1)),               -- 1: nobody else's of this form could be seen before
+    session_id    TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,   -- the session; erased with it
+    person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- the rater; NULL: deleted
+    form          TEXT NOT NULL CHECK (form IN ('osats', 'goals', 'box_trainer')), -- the form
+    form_version  INTEGER NOT NULL CHECK (form_version >= 1),                -- version of its wording
+    items         TEXT NOT NULL CHECK (json_valid(items)),                   -- the mark of each item, or why it has none ([ItemMark])
+    remark        TEXT CHECK (length(remark) BETWEEN 1 AND 2000),            -- on the whole session; NULL: none
+    is_blind      INTEGER NOT NULL CHECK (is_blind IN (0, 1)),               -- 1: ratings of others on this form could not be seen before
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when given, epoch ms
 ) STRICT;
 
@@ -398,6 +417,13 @@ CREATE TABLE session_move (
     created_at_ms   INTEGER NOT NULL CHECK (created_at_ms >= 0)              -- when, epoch ms
 ) STRICT;
 
+CREATE TABLE session_opening (
+    person_id    TEXT NOT NULL REFERENCES person (id) ON DELETE CASCADE,     -- the person
+    session_id   TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,    -- the session
+    opened_at_ms INTEGER NOT NULL CHECK (opened_at_ms >= 0),                 -- when it was opened last, epoch ms
+    PRIMARY KEY (person_id, session_id)
+) STRICT, WITHOUT ROWID;
+
 CREATE TABLE session_surroundings (
     session_id TEXT PRIMARY KEY REFERENCES session (id) ON DELETE CASCADE,   -- the session
     picture    BLOB NOT NULL CHECK (length(picture) BETWEEN 3 AND 16386)     -- a small grey picture (Surroundings)
@@ -440,7 +466,7 @@ CREATE TABLE task (
     name          TEXT NOT NULL CHECK (length(name) BETWEEN 1 AND 120),      -- what people call it
     description   TEXT NOT NULL DEFAULT '' CHECK (length(description) <= 10000), -- what to do
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when registered, epoch ms
-) STRICT;
+, rating_forms TEXT CHECK (json_valid(rating_forms))) STRICT;
 
 CREATE TABLE token (
     id              TEXT PRIMARY KEY CHECK (length(id) = 36),                -- TokenId
@@ -496,6 +522,14 @@ CREATE TABLE upload (
     expires_at_ms  INTEGER NOT NULL CHECK (expires_at_ms > created_at_ms), true_frame_rate_hz REAL CHECK (true_frame_rate_hz BETWEEN 1 AND 1000), true_duration_s REAL CHECK (true_duration_s BETWEEN 0.1 AND 86400), is_duplicate INTEGER NOT NULL DEFAULT 0 CHECK (is_duplicate IN (0, 1)),   -- when it is forgotten unless it goes on, epoch ms
     CHECK (session_id IS NULL OR received = length)
 ) STRICT;
+
+CREATE INDEX attention_dismissal_person ON attention_dismissal (person_id, kind, trainee_id, task_id);
+
+CREATE INDEX attention_dismissal_task ON attention_dismissal (task_id);
+
+CREATE INDEX attention_dismissal_trainee ON attention_dismissal (trainee_id);
+
+CREATE INDEX attention_dismissal_session_session ON attention_dismissal_session (session_id);
 
 CREATE INDEX audit_address ON audit (actor) WHERE address IS NOT NULL;
 
@@ -652,6 +686,8 @@ CREATE INDEX session_move_to_task ON session_move (to_task_id);
 
 CREATE INDEX session_move_to_trainee ON session_move (to_trainee_id);
 
+CREATE INDEX session_opening_session ON session_opening (session_id);
+
 CREATE INDEX skill_model_person_id ON skill_model (person_id);
 
 CREATE INDEX skill_model_trainee_of ON skill_model_trainee (trainee_id);
@@ -739,6 +775,13 @@ CREATE VIEW current_result AS
            AND (latest.calibration_id IS NULL
                 OR (SELECT box_id FROM calibration WHERE calibration.id = latest.calibration_id)
                    = (SELECT box_id FROM session WHERE session.id = result.session_id)));
+
+CREATE VIEW dismissed_session (person_id, kind, session_id, until_ms) AS
+    SELECT dismissal.person_id, dismissal.kind, session.id, dismissal.until_ms
+    FROM attention_dismissal AS dismissal
+    JOIN attention_dismissal_session AS covered ON covered.dismissal_id = dismissal.id
+    JOIN session ON session.id = covered.session_id
+         AND session.trainee_id = dismissal.trainee_id AND session.task_id = dismissal.task_id;
 
 CREATE VIEW feed_record AS
     SELECT feed.*, session.trainee_id, session.task_id

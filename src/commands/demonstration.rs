@@ -167,7 +167,8 @@ impl DemonstrationBuilder {
         self.store.groups().set_members(&service, group.id, members).await?;
         for (scenario, name, description) in TASKS {
             let (code, description) = (Some(scenario.name().parse()?), Some(description.parse()?));
-            let new = NewTask { name: name.parse()?, code, description, groups: Some(vec![group.id]) };
+            let new =
+                NewTask { name: name.parse()?, code, description, rating_forms: None, groups: Some(vec![group.id]) };
             self.store.tasks().create(&service, new).await?;
         }
         self.set_standard().await?;

@@ -13,9 +13,9 @@ use super::error::{StoreError, StoreResult, missing, not_found};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
 use crate::domain::feature::FeatureKey;
-use crate::domain::rating::{ItemMark, RatingForm};
+use crate::domain::rating::{CheckedRating, ItemMark, RatingForm};
 use crate::domain::session::FeatureSpace;
-use crate::domain::text::Name;
+use crate::domain::text::{Name, Remark};
 use crate::domain::trainee::Handedness;
 use crate::ids::{CalibrationId, PersonId, RatingId, ResultId, SessionId, TaskId, TraineeId};
 use crate::motion::features;
@@ -48,6 +48,8 @@ pub struct RatingRecord {
     /// The marks, in the form's order.
     #[sqlx(json)]
     pub items: Vec<ItemMark>,
+    /// The remark on the whole session.
+    pub remark: Option<Remark>,
     /// True if it was given before the rater could see other people's ratings or comments.
     pub is_blind: bool,
     /// When, epoch ms.
@@ -130,8 +132,8 @@ const SELECT_RATED_RESULTS: &str = "
 /// Adds rating `$1` of session `$2` by person `$3`, unless they have given `$8`. It is blind unless the rater could
 /// have read another person's rating on a form that both used, or, having rated before, another staff member's comment.
 const INSERT_RATING: &str = "
-    INSERT INTO rating (id, session_id, person_id, form, form_version, items, is_blind, created_at_ms)
-    SELECT $1, $2, $3, $4, $5, $6,
+    INSERT INTO rating (id, session_id, person_id, form, form_version, items, remark, is_blind, created_at_ms)
+    SELECT $1, $2, $3, $4, $5, $6, $9,
            NOT EXISTS (SELECT 1 FROM rating AS own
                        JOIN rating AS other ON other.session_id = own.session_id AND other.form = own.form
                             AND other.person_id IS NOT own.person_id
@@ -144,7 +146,7 @@ const INSERT_RATING: &str = "
     WHERE (SELECT count(*) FROM rating WHERE session_id = $2 AND person_id = $3) < $8";
 
 const SELECT_RATINGS: &str = "
-    SELECT rating.id, rating.person_id, person.name AS who, form, form_version, items, is_blind,
+    SELECT rating.id, rating.person_id, person.name AS who, form, form_version, items, remark, is_blind,
            rating.created_at_ms
     FROM rating LEFT JOIN person ON person.id = rating.person_id
     WHERE $1 <> 'agent' AND session_id = $3 ORDER BY rating.created_at_ms DESC, rating.rowid DESC LIMIT $4";
@@ -158,13 +160,7 @@ const SELECT_VALUES: &str = "
 
 impl RatingStore<'_> {
     /// Adds a rating to a session. An earlier one by the same rater on the same form is kept but no longer counts.
-    pub async fn give(
-        &self,
-        scope: &Scope,
-        session: SessionId,
-        (form, version): (RatingForm, i64),
-        marks: Vec<ItemMark>,
-    ) -> StoreResult<RatingRecord> {
+    pub async fn give(&self, scope: &Scope, session: SessionId, new: CheckedRating) -> StoreResult<RatingRecord> {
         self.0.sessions().get(scope, session).await?;
         require_staff(scope, "rating sessions")?;
         let person = scope.person().ok_or(StoreError::Forbidden { what: "rating sessions", whom: "people" })?;
@@ -172,10 +168,10 @@ impl RatingStore<'_> {
         self.0
             .write(async move |tx| {
                 let insert = sqlx::query(INSERT_RATING);
-                let insert = insert.bind(id).bind(session).bind(person).bind(form).bind(version).bind(Json(marks));
-                let insert =
-                    insert.bind(now_ms).bind(MAX_PER_RATER).execute(&mut *tx).await.map_err(missing("session"))?;
-                if insert.rows_affected() == 0 {
+                let insert = insert.bind(id).bind(session).bind(person).bind(new.form).bind(new.version);
+                let insert = insert.bind(Json(new.items)).bind(now_ms).bind(MAX_PER_RATER).bind(new.remark);
+                let inserted = insert.execute(&mut *tx).await.map_err(missing("session"))?;
+                if inserted.rows_affected() == 0 {
                     let why = format!(
                         "you have rated this session {MAX_PER_RATER} times, which is the limit; your last rating \
                          counts"

@@ -1,12 +1,15 @@
 //! Tasks that trainees practise. Administrators and the instructors of their groups change them; people see all of them.
 
+use sqlx::types::Json;
+
 use super::audit::note;
 use super::error::{StoreResult, in_use, not_found, taken};
 use super::owners::{self, OwnedThing, require_owner};
 use super::page::{Page, PageRequest};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store, codes};
-use crate::domain::task::{NewTask, TaskChange};
+use crate::domain::rating::RatingForm;
+use crate::domain::task::{NewTask, TaskChange, chosen_forms};
 use crate::domain::text::{Code, Key, Name, Paragraphs};
 use crate::ids::{GroupId, TaskId};
 
@@ -24,6 +27,9 @@ pub struct TaskRecord {
     pub name: Name,
     /// What to do; may be empty.
     pub description: Paragraphs,
+    /// The forms that its sessions are rated on; `None`: all.
+    #[sqlx(json(nullable))]
+    pub rating_forms: Option<Vec<RatingForm>>,
     /// When it was registered, epoch ms.
     pub created_at_ms: i64,
     /// Those of its groups that the scope sees.
@@ -34,11 +40,11 @@ pub struct TaskRecord {
 const SELECT_CODE: &str = "SELECT 1 FROM task WHERE code = $1";
 
 const INSERT_TASK: &str = "
-    INSERT INTO task (id, code, name, description, created_at_ms)
-    VALUES ($1, $2, $3, coalesce($4, ''), $5)";
+    INSERT INTO task (id, code, name, description, created_at_ms, rating_forms)
+    VALUES ($1, $2, $3, coalesce($4, ''), $5, $6)";
 
 const SELECT_TASKS: &str = "
-    SELECT id, code, name, description, created_at_ms,
+    SELECT id, code, name, description, rating_forms, created_at_ms,
            (SELECT json_group_array(group_id) FROM ownership
             WHERE thing_id = task.id
               AND ($1 = 'administrator'
@@ -47,7 +53,7 @@ const SELECT_TASKS: &str = "
     WHERE $1 <> 'agent' AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
 
 const SELECT_TASK: &str = "
-    SELECT id, code, name, description, created_at_ms,
+    SELECT id, code, name, description, rating_forms, created_at_ms,
            (SELECT json_group_array(group_id) FROM ownership
             WHERE thing_id = task.id
               AND ($1 = 'administrator'
@@ -57,7 +63,8 @@ const SELECT_TASK: &str = "
 
 const UPDATE_TASK: &str = "
     UPDATE task
-    SET code = coalesce($2, code), name = coalesce($3, name), description = coalesce($4, description)
+    SET code = coalesce($2, code), name = coalesce($3, name), description = coalesce($4, description),
+        rating_forms = CASE WHEN $5 THEN $6 ELSE rating_forms END
     WHERE id = $1";
 
 const DELETE_TASK: &str = "DELETE FROM task WHERE id = $1";
@@ -71,7 +78,8 @@ impl TaskStore<'_> {
             .write(async move |tx| {
                 let code = codes::choose(tx, SELECT_CODE, new.code, &new.name, "task").await?;
                 let insert = sqlx::query(INSERT_TASK).bind(id).bind(code).bind(new.name).bind(new.description);
-                insert.bind(now_ms).execute(&mut *tx).await.map_err(taken("code"))?;
+                let forms = new.rating_forms.as_deref().and_then(chosen_forms).map(Json);
+                insert.bind(now_ms).bind(forms).execute(&mut *tx).await.map_err(taken("code"))?;
                 owners::insert(tx, &by, OwnedThing::Task(id), new.groups).await?;
                 note(tx, &by, now_ms, ("create", "task"), id).await
             })
@@ -107,7 +115,9 @@ impl TaskStore<'_> {
         self.0
             .write(async move |tx| {
                 let update = sqlx::query(UPDATE_TASK).bind(id).bind(change.code).bind(change.name);
-                let update = update.bind(change.description).execute(&mut *tx);
+                let forms = change.rating_forms.as_deref().and_then(chosen_forms).map(Json);
+                let update = update.bind(change.description).bind(change.rating_forms.is_some()).bind(forms);
+                let update = update.execute(&mut *tx);
                 if update.await.map_err(taken("code"))?.rows_affected() == 0 {
                     return Err(not_found("task"));
                 }

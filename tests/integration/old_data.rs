@@ -35,6 +35,9 @@ const FREE: [&str; 12] = [
     "last_used_at",
 ];
 
+/// Lists to which a later release adds entries at the end: one for each form of ratings.
+const GROWING: [&str; 1] = ["raters"];
+
 /// What a later release changes on purpose: release, path of the value, old and new value.
 const CHANGED: [(&str, &str, &str, &str); 1] =
     // Advice on tapes has a kind of its own.
@@ -123,7 +126,10 @@ fn compare(path: &str, old: &Value, new: &Value, differences: &mut Vec<String>) 
                 compare(&format!("{path} {key}"), value, new.get(key).unwrap_or(&Value::Null), differences);
             }
         }
-        (Value::Array(old), Value::Array(new)) if old.len() == new.len() => {
+        (Value::Array(old), Value::Array(new))
+            if old.len() == new.len()
+                || old.len() < new.len() && path.rsplit(' ').next().is_some_and(|list| GROWING.contains(&list)) =>
+        {
             for (index, (old, new)) in old.iter().zip(new).enumerate() {
                 compare(&format!("{path} {index}"), old, new, differences);
             }

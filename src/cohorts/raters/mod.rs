@@ -1,6 +1,10 @@
 //! The quality of ratings: whether raters agree, and how ratings correlate with features.
 //!
-//! Both use only blind ratings with a mark for every item, and a person counts once. **Agreement** uses of each person
+//! Both use only blind ratings with a mark for every item that applies, and a person counts once. **Only ratings of the
+//! same items are compared:** those of the item set with the most people. ICC(2,1) and ICC(2,k) (Shrout & Fleiss, Psychol
+//! Bull 1979;86:420–428) model a mark as the sum of person, rater and error, with one variance for each; a sum of fewer
+//! items has another mean and another variance, and a scaled sum has a larger error, so mixing item sets would put the
+//! difference of the forms into the raters. **Agreement** uses of each person
 //! the newest session that all of the same raters have rated; missing ratings are not filled in. **Correlations** use
 //! each person's mean rating and mean feature value over the same rated sessions. They are rank correlations, so they
 //! assume no shape of the relation. Because many features are tested, the p-values are adjusted (Benjamini & Hochberg).
@@ -16,7 +20,7 @@ use utoipa::ToSchema;
 use super::answer::{IntervalEstimate, Withheld};
 use super::{Cohorts, CohortsError};
 use crate::domain::feature::{FeatureKey, depends_on_camera};
-use crate::domain::rating::{RatingForm, total};
+use crate::domain::rating::{ItemMark, RatingForm, applicable_total};
 use crate::domain::scope::Scope;
 use crate::domain::trainee::Handedness;
 use crate::ids::{PersonId, SessionId, TaskId, TraineeId};
@@ -37,7 +41,11 @@ const FOUND_BELOW: f64 = 0.05;
 pub struct Agreement {
     /// The rating form.
     pub form: RatingForm,
-    /// Sessions with at least two blind and complete ratings.
+    /// The items that the compared ratings judged, in the form's order; empty while none are compared.
+    pub items: Vec<String>,
+    /// Number of blind and complete ratings that judged other items. They are not compared with these.
+    pub other_items: usize,
+    /// Sessions with at least two blind and complete ratings of these items.
     pub sessions: usize,
     /// Number of these sessions that were left out: their person has a newer one, or was not rated by the chosen
     /// raters.
@@ -59,6 +67,10 @@ pub struct Agreement {
 pub struct Correlations {
     /// The rating form.
     pub form: RatingForm,
+    /// The items that the used ratings judged, in the form's order; empty while there are none.
+    pub rated_items: Vec<String>,
+    /// Number of blind and complete ratings that judged other items. They are not used.
+    pub other_items: usize,
     /// Pipeline version of the compared values; `null` while there are none.
     pub pipeline: Option<String>,
     /// Rated sessions with features of that version.
@@ -113,7 +125,7 @@ impl Cohorts {
         task: TaskId,
         form: RatingForm,
     ) -> Result<Correlations, CohortsError> {
-        let given = self.store.ratings().given(scope, task, form).await?;
+        let (compared, given) = most_people(&self.store.ratings().given(scope, task, form).await?, people_rated);
         let totals = totals(&given);
         let mut sessions: Vec<SessionId> = Vec::new();
         for rating in &given {
@@ -125,29 +137,80 @@ impl Cohorts {
             }
         }
         let values = self.store.ratings().values(scope, &sessions).await?;
-        self.calculate(move || correlations_of(form, &given, &totals, values)).await
+        let calculation = move || {
+            let answer = correlations_of(form, &given, &totals, values);
+            Correlations { rated_items: compared.items, other_items: compared.other_items, ..answer }
+        };
+        self.calculate(calculation).await
     }
 }
 
-/// Each session's totals by rater, of complete ratings.
+/// Which ratings are compared.
+#[derive(Debug, Default, PartialEq)]
+struct ComparedItems {
+    /// Their items, in the form's order.
+    items: Vec<String>,
+    /// Number of complete ratings of other items.
+    other_items: usize,
+}
+
+/// The items that a complete rating judged; `None` if one that applies was not judged.
+fn judged_items(marks: &[ItemMark]) -> Option<Vec<String>> {
+    applicable_total(marks)?;
+    Some(marks.iter().filter(|mark| !mark.does_not_apply).map(|mark| mark.item.clone()).collect())
+}
+
+/// The complete ratings of the item set for which `people` counts the most; among equals, of the set with more items.
+fn most_people(given: &[GivenRating], people: fn(&[GivenRating]) -> usize) -> (ComparedItems, Vec<GivenRating>) {
+    let mut by_items: BTreeMap<Vec<String>, Vec<GivenRating>> = BTreeMap::new();
+    for rating in given {
+        if let Some(items) = judged_items(&rating.items) {
+            by_items.entry(items).or_default().push(rating.clone());
+        }
+    }
+    let complete: usize = by_items.values().map(Vec::len).sum();
+    let best = by_items.into_iter().max_by_key(|(items, ratings)| (people(ratings), items.len(), ratings.len()));
+    let (items, ratings) = best.unwrap_or_default();
+    (ComparedItems { items, other_items: complete - ratings.len() }, ratings)
+}
+
+fn people_rated(given: &[GivenRating]) -> usize {
+    given.iter().map(|rating| rating.trainee).collect::<BTreeSet<_>>().len()
+}
+
+/// Number of people with a session that the same raters have rated; those raters are chosen who rated the most people.
+fn people_compared(given: &[GivenRating]) -> usize {
+    let trainee_of: BTreeMap<SessionId, TraineeId> =
+        given.iter().map(|rating| (rating.session, rating.trainee)).collect();
+    let rows: Vec<(SessionId, BTreeMap<PersonId, f64>)> = totals(given).into_iter().collect();
+    let Some(SameRaters { rows, .. }) = same_raters(&rows, |session| trainee_of.get(session).copied()) else {
+        return 0;
+    };
+    rows.iter().filter_map(|(session, _)| trainee_of.get(session)).collect::<BTreeSet<_>>().len()
+}
+
+/// Each session's totals by rater, of complete ratings. All judge the same items.
 fn totals(given: &[GivenRating]) -> BTreeMap<SessionId, BTreeMap<PersonId, f64>> {
     let mut totals: BTreeMap<SessionId, BTreeMap<PersonId, f64>> = BTreeMap::new();
     for rating in given {
-        if let Some(total) = total(&rating.items) {
-            totals.entry(rating.session).or_default().insert(rating.rater, f64::from(total));
+        if let Some(total) = applicable_total(&rating.items) {
+            totals.entry(rating.session).or_default().insert(rating.rater, f64::from(total.sum));
         }
     }
     totals
 }
 
 fn agreement_of(form: RatingForm, given: &[GivenRating]) -> Agreement {
-    let totals = totals(given);
+    let (compared, given) = most_people(given, people_compared);
+    let totals = totals(&given);
     let sessions = totals.values().filter(|raters| raters.len() >= 2).count();
     let trainee_of: BTreeMap<SessionId, (TraineeId, i64)> =
         given.iter().map(|rating| (rating.session, (rating.trainee, rating.recorded_at_ms))).collect();
     let rows: Vec<(SessionId, BTreeMap<PersonId, f64>)> = totals.into_iter().collect();
     let answer = Agreement {
         form,
+        items: compared.items,
+        other_items: compared.other_items,
         sessions,
         left_out: sessions,
         people: 0,
@@ -204,6 +267,8 @@ fn correlations_of(
         sessions.iter().filter_map(|id| trainee_of.get(id)).map(|(_, trainee)| *trainee).collect();
     let mut answer = Correlations {
         form,
+        rated_items: Vec::new(),
+        other_items: 0,
         pipeline,
         sessions: sessions.len(),
         people: people.len(),

@@ -25,7 +25,8 @@ impl Ids {
 
     /// A rating of a person's first or second session.
     fn rating(&self, person: usize, second: usize, rater: usize, marks: &[Option<u8>]) -> GivenRating {
-        let items = marks.iter().map(|mark| ItemMark { item: "item".to_owned(), mark: *mark }).collect();
+        let item = |mark: &Option<u8>| ItemMark { item: "item".to_owned(), mark: *mark, does_not_apply: false };
+        let items = marks.iter().map(item).collect();
         GivenRating {
             session: self.sessions[2 * person + second],
             recorded_at_ms: second as i64,
@@ -34,6 +35,12 @@ impl Ids {
             items,
         }
     }
+}
+
+/// The rating with another item, which does not apply or has a mark.
+fn with_item(mut rating: GivenRating, mark: Option<u8>) -> GivenRating {
+    rating.items.push(ItemMark { item: "other".to_owned(), mark, does_not_apply: mark.is_none() });
+    rating
 }
 
 fn published(ids: &Ids) -> Vec<GivenRating> {
@@ -76,6 +83,39 @@ fn an_older_session_and_a_rating_with_a_gap_change_nothing() {
     given.extend((0..4).map(|rater| ids.rating(6, 1, rater, &[Some(5), None])));
     let answer = agreement_of(RatingForm::Osats, &given);
     assert_eq!((answer.single, answer.people, answer.sessions, answer.left_out), (whole.single, 6, 7, 1));
+}
+
+#[test]
+fn ratings_of_other_items_are_left_out_and_counted() {
+    let ids = Ids::new(7);
+    let published = published(&ids);
+    let whole = agreement_of(RatingForm::Osats, &published);
+    // The same marks of a longer form whose other item does not apply, and one that has a mark for it.
+    let mut given: Vec<GivenRating> = published.into_iter().map(|rating| with_item(rating, None)).collect();
+    given.extend((0..4).map(|rater| with_item(ids.rating(6, 1, rater, &[Some(5)]), Some(5))));
+    let answer = agreement_of(RatingForm::Osats, &given);
+    assert_eq!((answer.single, answer.mean, answer.people, answer.sessions), (whole.single, whole.mean, 6, 6));
+    assert_eq!((answer.items, answer.other_items), (vec!["item".to_owned()], 4));
+    // A session whose two raters judged different items says nothing about their agreement.
+    let mixed: Vec<GivenRating> = (0..7)
+        .flat_map(|person| {
+            [ids.rating(person, 0, 0, &[Some(3)]), with_item(ids.rating(person, 0, 1, &[Some(3)]), Some(3))]
+        })
+        .collect();
+    let answer = agreement_of(RatingForm::Osats, &mixed);
+    assert_eq!((answer.people, answer.sessions, answer.withheld.unwrap().missing), (0, 0, Some(6)));
+}
+
+#[test]
+fn correlations_use_the_items_that_most_people_were_rated_on() {
+    let ids = Ids::new(12);
+    let (given, _) = measured(&ids);
+    let number = |rating: &GivenRating| ids.people.iter().position(|id| *id == rating.trainee).unwrap();
+    let mixed: Vec<GivenRating> =
+        given.iter().map(|rating| with_item(rating.clone(), (number(rating) < 2).then_some(5))).collect();
+    let (compared, used) = most_people(&mixed, people_rated);
+    assert_eq!((compared.items, compared.other_items), (vec!["item".to_owned()], 4));
+    assert!(used.iter().all(|rating| number(rating) >= 2) && people_rated(&used) == 10);
 }
 
 #[test]

@@ -4,6 +4,9 @@
 //! surgical residents", Br J Surg 1997;84:273–278. GOALS: Vassiliou MC et al., "A global assessment tool for evaluation
 //! of intraoperative laparoscopic skills", Am J Surg 2005;190:107–113. A change of wording needs a new version: ratings
 //! made with different wordings are not compared.
+//!
+//! The form for box trainers is our own and not validated. It has the items of these two forms that can be judged in a box
+//! without tissue, assistants or a procedure, each with the form that it is taken from.
 
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -19,8 +22,10 @@ pub struct FormInfo {
     pub version: i64,
     /// Title for people.
     pub title: &'static str,
-    /// The publication.
+    /// The publication; for the service's own form, the forms that its items are taken from.
     pub source: &'static str,
+    /// False for the service's own form, which has not been validated.
+    pub is_published: bool,
     /// Its items, in order.
     pub items: &'static [ItemInfo],
     /// The lowest mark of an item.
@@ -36,6 +41,8 @@ pub struct ItemInfo {
     pub name: &'static str,
     /// Title for people.
     pub title: &'static str,
+    /// In the service's own form: the item of a published form that it is taken from.
+    pub source: Option<&'static str>,
     /// What the marks 1, 3 and 5 mean.
     pub anchors: [Anchor; 3],
 }
@@ -60,14 +67,29 @@ impl FormInfo {
         let (title, source, items) = match form {
             RatingForm::Osats => ("OSATS global rating scale", "Martin et al., Br J Surg 1997;84:273–278", OSATS),
             RatingForm::Goals => ("GOALS", "Vassiliou et al., Am J Surg 2005;190:107–113", GOALS),
+            RatingForm::BoxTrainer => ("Box trainer form", BOX_TRAINER_SOURCE, BOX_TRAINER),
         };
-        Self { form, version: 1, title, source, items, least: MARK_RANGE.0, most: MARK_RANGE.1 }
+        let is_published = form != RatingForm::BoxTrainer;
+        Self { form, version: 1, title, source, is_published, items, least: MARK_RANGE.0, most: MARK_RANGE.1 }
     }
 }
 
+const BOX_TRAINER_SOURCE: &str = "items of OSATS (Martin et al., Br J Surg 1997;84:273–278) and GOALS (Vassiliou et al., \
+                                  Am J Surg 2005;190:107–113) that can be judged in a box";
+
 const fn item(name: &'static str, title: &'static str, [low, middle, high]: [&'static str; 3]) -> ItemInfo {
     let anchors = [Anchor { mark: 1, words: low }, Anchor { mark: 3, words: middle }, Anchor { mark: 5, words: high }];
-    ItemInfo { name, title, anchors }
+    ItemInfo { name, title, source: None, anchors }
+}
+
+/// An item of the service's own form, and the published item that it is taken from.
+const fn own_item(
+    name: &'static str,
+    title: &'static str,
+    source: &'static str,
+    [low, middle, high]: [&'static str; 3],
+) -> ItemInfo {
+    ItemInfo { source: Some(source), ..item(name, title, [low, middle, high]) }
 }
 
 const OSATS: &[ItemInfo] = &[
@@ -180,6 +202,69 @@ const GOALS: &[ItemInfo] = &[
             "Cannot finish, even when told how",
             "Finishes safely with moderate guidance",
             "Finishes alone, without being told",
+        ],
+    ),
+];
+
+const BOX_TRAINER: &[ItemInfo] = &[
+    own_item(
+        "box_depth_perception",
+        "Depth perception",
+        "GOALS, depth perception",
+        [
+            "Overshoots the target again and again, and is slow to correct",
+            "Overshoots or misses now and then, and is quick to correct",
+            "Takes the instruments to the target in the right plane without a miss",
+        ],
+    ),
+    own_item(
+        "box_bimanual_dexterity",
+        "Bimanual dexterity",
+        "GOALS, bimanual dexterity",
+        [
+            "Uses one hand alone, or both without coordination",
+            "Uses both hands, but they do not always help each other",
+            "Both hands work together: one prepares what the other does",
+        ],
+    ),
+    own_item(
+        "box_object_handling",
+        "Handling of objects and material",
+        "GOALS, tissue handling, and OSATS, respect for tissue, for the objects and material of a box",
+        [
+            "Often drops, tears or bends objects, or uses more force than needed",
+            "Handles objects with care, with a few drops or slight damage",
+            "Grips securely with the right force, without drops or damage",
+        ],
+    ),
+    own_item(
+        "box_instrument_handling",
+        "Instrument handling",
+        "OSATS, instrument handling",
+        [
+            "Tentative or awkward with the instruments again and again",
+            "Competent with the instruments, at times stiff or awkward",
+            "Fluid with the instruments, never awkward",
+        ],
+    ),
+    own_item(
+        "box_time_and_motion",
+        "Time and motion",
+        "OSATS, time and motion, and GOALS, efficiency",
+        [
+            "Many moves that are not needed, many attempts",
+            "Efficient, with some moves that are not needed",
+            "No move too many, each attempt succeeds",
+        ],
+    ),
+    own_item(
+        "box_flow",
+        "Flow and forward planning",
+        "OSATS, flow of operation and forward planning",
+        [
+            "Stops often and seems unsure what comes next",
+            "Plans ahead and goes on steadily",
+            "Has plainly planned the whole course, one step running into the next",
         ],
     ),
 ];

@@ -4,8 +4,10 @@ use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::domain::rating::{self, FormInfo, ItemMark, NewRating, RatingForm};
+use crate::domain::rating::{self, ApplicableTotal, FormInfo, ItemMark, NewRating, RatingForm};
 use crate::domain::scope::Scope;
+use crate::domain::task::require_form;
+use crate::domain::text::Key;
 use crate::http::auth::signed_in::{Member, Staff};
 use crate::http::error::HandlerResult;
 use crate::http::read::{Json, PathKey};
@@ -27,8 +29,13 @@ pub struct RatingResponse {
     version: i64,
     /// The marks, in the form's order.
     items: Vec<ItemMark>,
-    /// Sum of the marks; `null` if an item was not judged.
+    /// Sum of the marks of all items of the form; `null` if an item was not judged or does not apply.
     total: Option<u32>,
+    /// Sum of the marks of the items that apply, and the highest possible sum of these items; `null` if one of them was
+    /// not judged. Totals of different items are not comparable: agreement and correlations never mix them.
+    applicable_total: Option<ApplicableTotal>,
+    /// The rater's remark on the whole session: plain text, never markup.
+    remark: Option<String>,
     /// True if the rater could see nothing of other raters before. Agreement and correlations use only such ratings.
     blind: bool,
     created_at: Time,
@@ -53,10 +60,22 @@ pub struct RaterCount {
 
 impl RatingResponse {
     fn new(rating: store::RatingRecord, scope: &Scope) -> Self {
-        let store::RatingRecord { id, person_id, who, form, form_version, items, is_blind, created_at_ms } = rating;
+        let store::RatingRecord { id, person_id, who, form, form_version, items, remark, is_blind, created_at_ms } =
+            rating;
         let own = person_id.is_some() && person_id == scope.person();
-        let (who, total, created_at) = (who.map(String::from), rating::total(&items), Time(created_at_ms));
-        Self { id, who, own, form, version: form_version, total, items, blind: is_blind, created_at }
+        Self {
+            id,
+            who: who.map(String::from),
+            own,
+            form,
+            version: form_version,
+            total: rating::total(&items),
+            applicable_total: rating::applicable_total(&items),
+            items,
+            remark: remark.map(String::from),
+            blind: is_blind,
+            created_at: Time(created_at_ms),
+        }
     }
 }
 
@@ -89,9 +108,10 @@ impl App {
 
 /// Rate a session
 ///
-/// The body names every item of the form with a mark from 1 to 5, or `null` if it was not judged. A rating never
-/// changes: a person's next rating on the same form replaces it in the list, and the earlier one is kept. The session's
-/// trainee sees it.
+/// The body names every item of the form with a mark from 1 to 5, or `null` if it was not judged. Items that do not exist
+/// in the session's task are named in `does_not_apply`; the total is then that of the others. The form is one of the
+/// task's `rating_forms`. A rating never changes: a person's next rating on the same form replaces it in the list, and the
+/// earlier one is kept. The session's trainee sees it.
 #[utoipa::path(post, path = "/sessions/{id}/ratings", tag = "ratings",
     params(("id" = String, Path, description = "id")), request_body = NewRating,
     responses((status = CREATED, body = RatingResponse)))]
@@ -102,8 +122,12 @@ pub async fn rate(
     Json(new): Json<NewRating>,
 ) -> HandlerResult<Created<RatingResponse>> {
     let session: SessionId = at.id()?;
-    let (marks, form) = (new.marks()?, FormInfo::of(new.form));
-    let rating = app.store.ratings().give(&by.scope, session, (form.form, form.version), marks).await?;
+    let new = new.check()?;
+    let rated = app.store.sessions().get(&by.scope, session).await?;
+    let task = app.store.tasks().get(&by.scope, &Key::from(&rated.task_id)).await?;
+    require_form(task.rating_forms.as_deref(), new.form)?;
+    let rating = app.store.ratings().give(&by.scope, session, new).await?;
+    app.notify_session_changed(&rated);
     let location = format!("/api/v1/sessions/{session}/ratings");
     Ok(Created { location, made: RatingResponse::new(rating, &by.scope) })
 }

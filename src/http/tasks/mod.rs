@@ -17,6 +17,7 @@ use serde::Serialize;
 pub use standards::*;
 use utoipa::ToSchema;
 
+use crate::domain::rating::RatingForm;
 use crate::domain::scope::Scope;
 use crate::domain::task::{NewTask, TaskChange};
 use crate::domain::text::{Code, Name, Paragraphs};
@@ -35,6 +36,8 @@ pub struct TaskResponse {
     code: Code,
     name: Name,
     description: Paragraphs,
+    /// The forms that its sessions are rated on.
+    rating_forms: Vec<RatingForm>,
     created_at: Time,
     /// The groups whose instructors may change it, those that the caller sees: an administrator all, an instructor the
     /// own ones.
@@ -46,9 +49,11 @@ pub struct TaskResponse {
 impl TaskResponse {
     /// The task as this scope may see and change it.
     pub fn new(task: store::TaskRecord, scope: &Scope) -> Self {
-        let store::TaskRecord { id, code, name, description, created_at_ms, owners } = task;
+        let store::TaskRecord { id, code, name, description, rating_forms, created_at_ms, owners } = task;
         let may_change = scope.may_change(&owners);
-        Self { id, code, name, description, created_at: Time(created_at_ms), groups: owners, may_change }
+        let rating_forms = rating_forms.unwrap_or_else(|| RatingForm::ALL.to_vec());
+        let created_at = Time(created_at_ms);
+        Self { id, code, name, description, rating_forms, created_at, groups: owners, may_change }
     }
 }
 

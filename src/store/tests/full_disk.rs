@@ -59,7 +59,13 @@ impl Drop for SmallDisk {
 
 fn task(number: usize) -> NewTask {
     let description = Some("x".repeat(4_000).parse().unwrap());
-    NewTask { name: format!("Task {number}").parse().unwrap(), code: None, description, groups: None }
+    NewTask {
+        name: format!("Task {number}").parse().unwrap(),
+        code: None,
+        description,
+        rating_forms: None,
+        groups: None,
+    }
 }
 
 /// Creates an administrator with a signed-in browser and a token.

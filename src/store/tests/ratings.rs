@@ -3,7 +3,7 @@
 use crate::domain::comment::NewComment;
 use crate::domain::evidence::{EvidenceRow, StretchRow};
 use crate::domain::feature::StoredFeatureKey;
-use crate::domain::rating::{ItemMark, RatingForm};
+use crate::domain::rating::{CheckedRating, ItemMark, RatingForm};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::session::{FeatureSpace, NewResult};
@@ -11,8 +11,9 @@ use crate::domain::text::Key;
 use crate::store::testing::TestCentre;
 use crate::store::{PageRequest, StoreError};
 
-fn marks(mark: u8) -> Vec<ItemMark> {
-    vec![ItemMark { item: "autonomy".to_owned(), mark: Some(mark) }]
+fn rating(form: RatingForm, mark: u8) -> CheckedRating {
+    let items = vec![ItemMark { item: "autonomy".to_owned(), mark: Some(mark), does_not_apply: false }];
+    CheckedRating { form, version: 1, items, remark: Some("PLANTED-MARKER".parse().unwrap()) }
 }
 
 fn comment(text: &str) -> NewComment {
@@ -53,7 +54,7 @@ async fn a_rating_is_blind_unless_the_rater_could_have_seen_another() {
     let session = centre.session(ana.id, "video").await.id;
     let (one, two) = (Scope::instructor(one.id), Scope::instructor(two.id));
     let give_to = async |session, by: &Scope, form, mark| {
-        centre.store.ratings().give(by, session, (form, 1), marks(mark)).await.unwrap().is_blind
+        centre.store.ratings().give(by, session, rating(form, mark)).await.unwrap().is_blind
     };
     let give = async |by: &Scope, form, mark| give_to(session, by, form, mark).await;
     assert!(give(&one, RatingForm::Goals, 2).await);
@@ -77,7 +78,7 @@ async fn comments_and_ratings_are_erased_with_the_trainee_and_every_change_is_au
     let (ana, ines) = (centre.trainee("Ana").await, centre.person("ines", Role::Instructor, None).await);
     centre.group("One", &[&ines], &[&ana]).await;
     let (session, by) = (centre.session(ana.id, "video").await.id, Scope::instructor(ines.id));
-    centre.store.ratings().give(&by, session, (RatingForm::Goals, 1), marks(3)).await.unwrap();
+    centre.store.ratings().give(&by, session, rating(RatingForm::Goals, 3)).await.unwrap();
     let said = centre.store.comments().add(&by, session, comment("here"), [2.0, 2.0]).await.unwrap();
     centre.store.comments().withdraw(&by, session, said.id).await.unwrap();
     centre.store.comments().add(&by, session, comment("there"), [2.0, 2.0]).await.unwrap();
@@ -154,7 +155,7 @@ async fn only_people_rate_and_only_staff() {
     let account = centre.person("ana", Role::Trainee, Some(ana.id)).await;
     let session = centre.session(ana.id, "video").await.id;
     for by in [Scope::service(), Scope::trainee(account.id, ana.id)] {
-        let given = centre.store.ratings().give(&by, session, (RatingForm::Goals, 1), marks(5)).await;
+        let given = centre.store.ratings().give(&by, session, rating(RatingForm::Goals, 5)).await;
         assert!(matches!(given, Err(StoreError::Forbidden { .. })), "{by:?}");
     }
     let own = Scope::trainee(account.id, ana.id);

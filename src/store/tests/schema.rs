@@ -124,10 +124,13 @@ async fn invalid_rows_are_refused_from_any_writer() {
         "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, 'no json', NULL, 1, 0 FROM task",
         "INSERT INTO standard SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '{}', NULL, 1, -1 FROM task",
         "UPDATE evidence SET rows = 'no json'",
-        "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'charm', 1, '[]', 1, 1 \
+        "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'charm', 1, '[]', NULL, 1, 1 \
          FROM session",
-        "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'goals', 1, '[]', 2, 1 \
+        "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'goals', 1, '[]', NULL, 2, 1 \
          FROM session",
+        "INSERT INTO rating SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 'goals', 1, '[]', '', 1, 1 \
+         FROM session",
+        "UPDATE task SET rating_forms = 'no json'",
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 5, 4, 'x', 1 FROM session",
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, -1, 4, 'x', 1 FROM session",
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 1, 4, '', 1 FROM session",

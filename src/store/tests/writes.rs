@@ -14,6 +14,7 @@ fn task(name: &str, code: Option<&str>) -> NewTask {
         name: name.parse().unwrap(),
         code: code.map(|code| code.parse().unwrap()),
         description: None,
+        rating_forms: None,
         groups: None,
     }
 }

@@ -80,6 +80,74 @@ async fn a_rater_is_blind_until_they_have_rated_and_the_trainee_sees_all() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_rating_says_which_items_do_not_apply_and_has_a_remark() {
+    let centre = Centre::open().await;
+    let at = format!("{}/ratings", session_of_ada(&centre).await);
+    let mut osats = json!({"form": "osats", "does_not_apply": ["use_of_assistants", "respect_for_tissue"],
+                           "remark": "Calm.\nKeep the left tip in view.", "items": {"respect_for_tissue": null}});
+    for item in ["time_and_motion", "instrument_handling", "knowledge_of_instruments", "flow", "knowledge_of_procedure"]
+    {
+        osats["items"][item] = json!(4);
+    }
+    osats["items"]["flow"] = json!(5);
+    let given = centre.instructor.make(&at, osats.clone()).await;
+    assert_eq!(given["applicable_total"], json!({"sum": 21, "out_of": 25, "items": 5}));
+    assert_eq!((&given["total"], &given["remark"]), (&Value::Null, &osats["remark"]));
+    let assistants =
+        given["items"].as_array().unwrap().iter().find(|item| item["item"] == "use_of_assistants").unwrap();
+    assert_eq!(assistants, &json!({"item": "use_of_assistants", "mark": null, "does_not_apply": true}));
+    assert_eq!(centre.trainee.read(&at).await["items"][0]["remark"], osats["remark"], "the trainee reads it");
+    assert_eq!(count(&centre.administrator.read(&at).await), 0, "other raters do not, before their own rating");
+    let with = |key: &str, value: Value| {
+        let mut body = osats.clone();
+        body[key] = value;
+        body
+    };
+    let mut marked = osats.clone();
+    marked["items"]["use_of_assistants"] = json!(3);
+    for (wrong, field) in [
+        (marked, "does_not_apply"),
+        (with("does_not_apply", json!(["charm"])), "does_not_apply"),
+        (with("remark", json!("x".repeat(2001))), "remark"),
+        (with("remark", json!(" ")), "remark"),
+    ] {
+        let refused = problem(centre.instructor.post(&at, wrong).await, 422, "invalid").await;
+        assert_eq!(refused["errors"][0]["field"], field, "{refused}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_task_is_rated_on_the_forms_that_it_uses() {
+    let centre = Centre::open().await;
+    let at = format!("{}/ratings", session_of_ada(&centre).await);
+    let task = centre.instructor.read("/api/v1/tasks/peg").await;
+    assert_eq!(task["rating_forms"], json!(["osats", "goals", "box_trainer"]), "all, unless it names some");
+    let forms = centre.instructor.read("/api/v1/rating-forms").await;
+    let own = &forms["items"][2];
+    assert_eq!((&own["form"], &own["is_published"]), (&json!("box_trainer"), &json!(false)));
+    assert!(own["items"].as_array().unwrap().iter().all(|item| item["source"].is_string()), "{own}");
+    let choose = async |forms: Value| {
+        let changed = centre.administrator.patch("/api/v1/tasks/peg", json!({"rating_forms": forms})).await;
+        read(changed, StatusCode::OK).await["rating_forms"].clone()
+    };
+    assert_eq!(choose(json!(["box_trainer", "box_trainer"])).await, json!(["box_trainer"]));
+    let refused = problem(centre.instructor.post(&at, goals(3)).await, 422, "invalid").await;
+    assert_eq!(refused["errors"][0]["field"], "form");
+    let marks =
+        own["items"].as_array().unwrap().iter().map(|item| (item["name"].as_str().unwrap().to_owned(), json!(3)));
+    let items: serde_json::Map<String, Value> = marks.collect();
+    let given = centre.instructor.make(&at, json!({"form": "box_trainer", "items": items})).await;
+    assert_eq!((&given["total"], &given["applicable_total"]["out_of"]), (&json!(18), &json!(30)));
+    assert_eq!(choose(json!([])).await, task["rating_forms"]);
+    centre.instructor.make(&at, goals(3)).await;
+    let answer = centre.instructor.read("/api/v1/tasks/peg/agreement?form=box_trainer").await;
+    let items = answer["items"].as_array().unwrap().len();
+    assert_eq!((items, &answer["other_items"], &answer["withheld"]["reason"]), (6, &json!(0), &json!("too_few")));
+    let made = centre.instructor.make("/api/v1/tasks", json!({"name": "Knots", "rating_forms": ["goals"]})).await;
+    assert_eq!(made["rating_forms"], json!(["goals"]));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn people_without_access_to_a_session_can_neither_read_nor_comment_on_it() {
     let centre = Centre::open().await;
     let at = session_of_ada(&centre).await;
