@@ -94,6 +94,8 @@ ids! {
     EditId;
     /// A move of a session to another trainee, task or box.
     MoveId;
+    /// What a person dismissed from their list of what needs attention.
+    DismissalId;
     /// A recording that arrives frame by frame. Its sender makes the id.
     FeedId;
     /// An order to score a task's sessions again.

@@ -43,6 +43,7 @@
 //! | [`files`] | exchange formats: camera.json, annotations.json, trajectories, features, truth |
 
 pub mod advice;
+pub mod attention;
 pub mod blob;
 pub mod boxes;
 pub mod calibration;

@@ -47,6 +47,7 @@ pub mod events;
 pub mod export;
 pub mod features;
 mod feed;
+mod feedback;
 pub mod file;
 mod first_steps;
 pub mod groups;

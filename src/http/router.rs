@@ -15,9 +15,7 @@ use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{account, attention, centre, first_steps, service};
 use super::{
-    boxes, cohorts, courses, dashboard, data_export, docs, events, features, feed, groups, health, jobs, observe,
-    password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions, single_sign_on, tasks,
-    tokens,
+    boxes, cohorts, courses, dashboard, data_export, docs, events, features, feed, feedback, groups, health, jobs, observe, password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions, single_sign_on, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -175,6 +173,9 @@ fn session_routes() -> OpenApiRouter<App> {
         .routes(routes!(sessions::ratings, sessions::rate))
         .routes(routes!(sessions::comments, sessions::comment))
         .routes(routes!(sessions::withdraw_comment))
+        .routes(routes!(feedback::feedback))
+        .routes(routes!(feedback::mark_seen))
+        .routes(routes!(feedback::open_session))
         .routes(routes!(sessions::edits, sessions::edit))
         .routes(routes!(sessions::undo_edit))
         .routes(routes!(sessions::moves, sessions::move_session))
@@ -190,6 +191,8 @@ fn operation_routes() -> OpenApiRouter<App> {
         .routes(routes!(centre::get, centre::set_name))
         .routes(routes!(centre::logo, centre::set_logo, centre::remove_logo))
         .routes(routes!(first_steps::first_steps))
+        .routes(routes!(attention::dismissals, attention::dismiss))
+        .routes(routes!(attention::undo_dismissal))
         .routes(routes!(service::service))
         .routes(routes!(service::audit))
         .routes(routes!(data_export::centre))

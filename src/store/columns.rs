@@ -6,6 +6,7 @@ use sqlx::query::Query;
 use sqlx::sqlite::{SqliteArguments, SqliteArgumentsBuffer, SqliteTypeInfo, SqliteValueRef};
 use sqlx::{Decode, Encode, Sqlite, Type};
 
+use crate::domain::attention::AttentionKind;
 use crate::domain::blob::BlobHash;
 use crate::domain::calibration::CalibrationSource;
 use crate::domain::centre::LogoFormat;
@@ -26,7 +27,7 @@ use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, CommentId, CourseId, EditId, FeedId, GroupId, IdentityId, InstallationId, JobId,
+    BoxId, CalibrationId, CohortId, CommentId, CourseId, DismissalId, EditId, FeedId, GroupId, IdentityId, InstallationId, JobId,
     LeaseToken, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, SelfTestId,
     SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
@@ -76,11 +77,10 @@ macro_rules! as_shown {
 
 as_shown! {
     PersonId GroupId TokenId BoxId CalibrationId PaletteId TraineeId TaskId SessionId ResultId UploadId FeedId JobId
-    InstallationId IdentityId LeaseToken PasswordLinkId SelfTestId StandardId CohortId CourseId RatingId CommentId RescoringId
-    ModelId EditId MoveId BlobHash Day
-    Role Level Handedness CalibrationSource JobKind JobState FeatureSpace FrameCodec TrafficLight RatingForm
-    SessionJudgement RescoringSource RescoringItemState EditKind BoxQuestion RecordedAtSource EarlyEndCause ErasedKind
-    PasswordState LogoFormat
+    InstallationId IdentityId LeaseToken PasswordLinkId SelfTestId StandardId CohortId CourseId RatingId CommentId
+    RescoringId ModelId EditId MoveId BlobHash Day Role Level Handedness CalibrationSource JobKind JobState
+    FeatureSpace FrameCodec TrafficLight RatingForm SessionJudgement RescoringSource RescoringItemState EditKind
+    BoxQuestion RecordedAtSource EarlyEndCause ErasedKind PasswordState LogoFormat DismissalId AttentionKind
 }
 
 as_stored! {

@@ -31,6 +31,8 @@
 //! | [`Store::sessions`] | `create` `list` `get` `shared` `retry` `erase` `result` `result_with_edits` `evidence` `practice` `practice_of_many` `trainee_tasks` `trainees_of_task` `last_task` `refused_since` `unrated_since` |
 //! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
+//! | [`Store::feedback`] | `unseen` `new_results` `open` `mark_all_seen` `openings` |
+//! | [`Store::attention`] | `dismiss` `list` `dismissed_alarms` `undo` |
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
 //! | [`Store::session_moves`] | `of_session` `add` |
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
@@ -44,6 +46,7 @@
 //! | [`Store::first_steps`] | `get` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
 
+mod attention;
 mod audit;
 mod blobs;
 mod boxes;
@@ -60,6 +63,7 @@ mod edits;
 mod enrolment;
 mod erasures;
 mod error;
+mod feedback;
 mod feeds;
 mod first_steps;
 mod groups;
@@ -102,6 +106,7 @@ use sqlx::SqlitePool;
 use sqlx::sqlite::SqliteConnection;
 use tokio::sync::watch;
 
+pub use attention::{AlarmKey, AttentionStore, DismissalRecord, RECENT_MS};
 pub use audit::{AuditEntry, AuditStore, Backup};
 pub use blobs::{BlobStore, BlobUse};
 pub use boxes::{BoxRecord, BoxStore};
@@ -117,6 +122,7 @@ pub use edits::{EditBasis, EditRecord, EditStore, SessionEdits};
 pub use enrolment::{EnrolledTrainee, Enrolment, EnrolmentInvitations, EnrolmentOptions};
 pub use erasures::ErasureStore;
 pub use error::{StoreError, StoreResult};
+pub use feedback::{FeedbackEntry, FeedbackStore, SessionOpening};
 pub use feeds::{FeedRow, FeedStore, NewFeed};
 pub use first_steps::{FirstStepsRecord, FirstStepsStore};
 pub use groups::{GroupRecord, GroupStore, Members};
@@ -414,6 +420,10 @@ accessors! {
     ratings: RatingStore;
     /// Comments on moments of sessions.
     comments: CommentStore;
+    /// Feedback that is new to trainees.
+    feedback: FeedbackStore;
+    /// What staff dismissed from their lists of what needs attention.
+    attention: AttentionStore;
     /// Edits of scored sessions.
     edits: EditStore;
     /// Moves of sessions to the right trainee, task or box.

@@ -14,9 +14,10 @@ use crate::http::people::PersonResponse;
 use crate::http::service::AuditChange;
 use crate::http::sessions::{EditsResponse, MoveResponse, SessionResponse, write_edited_csv};
 use crate::http::single_sign_on::IdentityResponse;
+use crate::http::show::Time;
 use crate::http::trainees::TraineeResponse;
 use crate::ids::SessionId;
-use crate::store::{PageRequest, SessionFilter, SessionRecord, TraineeRecord};
+use crate::store::{PageRequest, SessionFilter, SessionOpening, SessionRecord, TraineeRecord};
 use crate::time::Day;
 use crate::vault::VaultError;
 
@@ -36,10 +37,11 @@ audit.json         who changed this person's data, and what this person changed 
 /// Says what the files in a person's folder are.
 pub(super) const FILES: &str = "\
 profile.json       name, level, hand, groups; account, sign-ins and accounts at
-                   the provider of single sign-on, without the password
+                   the provider of single sign-on, without the password;
+                   when each session was opened
 sessions/…/        one folder for each session:
   session.json     recording, quality, features with their error bars, versions
-  ratings.json     ratings on forms
+  ratings.json     ratings on forms, with remarks
   comments.json    comments
   edits.json       trims, corrections and answers of the staff, with reasons
   moves.json       moves of the session to another trainee, task or box
@@ -67,6 +69,15 @@ struct PersonProfile {
     sign_ins: Vec<SignInEntry>,
     /// Accounts at the provider of single sign-on; empty without `account`.
     identities: Vec<IdentityResponse>,
+    /// When the person last opened each session, in the person's own export and that of administrators.
+    openings: Vec<OpeningEntry>,
+}
+
+/// When a session was last opened.
+#[derive(Serialize)]
+struct OpeningEntry {
+    session: SessionId,
+    opened_at: Time,
 }
 
 /// Adds the files of a trainee below the folder `below`, which is empty or ends with a slash.
@@ -105,7 +116,13 @@ async fn profile(job: &ExportJob, trainee: &TraineeRecord) -> Result<PersonProfi
         Some(account) => app.store.identities().of_person(scope, account.id).await?,
         None => Vec::new(),
     };
+    let openings = match &account {
+        Some(account) => app.store.feedback().openings(account.id).await?,
+        None => Vec::new(),
+    };
+    let opening = |of: SessionOpening| OpeningEntry { session: of.session_id, opened_at: Time(of.opened_at_ms) };
     Ok(PersonProfile {
+        openings: openings.into_iter().map(opening).collect(),
         trainee: TraineeResponse::new(trainee.clone(), scope),
         groups: app.store.trainees().groups(scope, trainee.id).await?,
         account: account.map(PersonResponse::from),

@@ -89,6 +89,7 @@ pub async fn comment(
     let session: SessionId = at.id()?;
     let span = new.span()?;
     let comment = app.store.comments().add(&by.scope, session, new, span).await?;
+    app.notify_session_changed(&app.store.sessions().get(&by.scope, session).await?);
     let location = format!("/api/v1/sessions/{session}/comments/{}", comment.id);
     Ok(Created { location, made: CommentResponse::new(comment, &by.scope) })
 }

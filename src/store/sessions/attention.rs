@@ -1,4 +1,4 @@
-//! Recent sessions that need attention: one bounded query for each kind.
+//! Recent sessions that need attention: one bounded query for each kind. What the caller has dismissed is left out.
 
 use super::super::error::StoreResult;
 use super::super::visibility::{BindScope, require_staff};
@@ -39,6 +39,9 @@ const SELECT_REFUSED: &str = "
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
       AND session.verdict = 'refused'
+      AND NOT EXISTS (SELECT 1 FROM dismissed_session AS dismissed
+                      WHERE dismissed.session_id = session.id AND dismissed.kind = 'refused'
+                        AND dismissed.person_id = $5 AND coalesce(dismissed.until_ms > $6, TRUE))
     ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $4";
 
 const SELECT_BOX_ASKED: &str = "
@@ -52,6 +55,9 @@ const SELECT_BOX_ASKED: &str = "
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
       AND NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id)
+      AND NOT EXISTS (SELECT 1 FROM dismissed_session AS dismissed
+                      WHERE dismissed.session_id = session.id AND dismissed.kind = 'box_asked'
+                        AND dismissed.person_id = $4 AND coalesce(dismissed.until_ms > $5, TRUE))
     ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $3";
 
 const SELECT_UNRATED: &str = "
@@ -68,20 +74,25 @@ const SELECT_UNRATED: &str = "
       AND NOT EXISTS (SELECT 1 FROM rating WHERE rating.session_id = session.id)
       AND session.task_id IN (SELECT rated.task_id FROM rating JOIN session AS rated ON rated.id = rating.session_id
                               WHERE rating.created_at_ms >= $5)
+      AND NOT EXISTS (SELECT 1 FROM dismissed_session AS dismissed
+                      WHERE dismissed.session_id = session.id AND dismissed.kind = 'unrated'
+                        AND dismissed.person_id = $6 AND coalesce(dismissed.until_ms > $7, TRUE))
     ORDER BY session.created_at_ms DESC, session.id DESC LIMIT $4";
 
 impl SessionStore<'_> {
     /// Sessions that the quality gate refused, latest first, at most `most`.
     pub async fn refused_since(&self, scope: &Scope, since_ms: i64, most: u32) -> StoreResult<Vec<AttentionItem>> {
         let rows = sqlx::query_as(SELECT_REFUSED);
-        Ok(rows.bind_scope(scope).bind(since_ms).bind(most).fetch_all(self.0.readers()).await?)
+        let rows = rows.bind_scope(scope).bind(since_ms).bind(most).bind(scope.person()).bind(self.0.now_ms());
+        Ok(rows.fetch_all(self.0.readers()).await?)
     }
 
     /// Sessions that may show another box and that no person has answered for, latest first, at most `most`: they wait
     /// until they are answered, however long.
     pub async fn box_asked(&self, scope: &Scope, most: u32) -> StoreResult<Vec<AttentionItem>> {
         let rows = sqlx::query_as(SELECT_BOX_ASKED);
-        Ok(rows.bind_scope(scope).bind(most).fetch_all(self.0.readers()).await?)
+        let rows = rows.bind_scope(scope).bind(most).bind(scope.person()).bind(self.0.now_ms());
+        Ok(rows.fetch_all(self.0.readers()).await?)
     }
 
     /// Sessions without a rating, of tasks with at least one rating since `rated_since_ms`: other tasks are not rated
@@ -96,6 +107,7 @@ impl SessionStore<'_> {
         require_staff(scope, "the list of unrated sessions")?;
         let rows = sqlx::query_as(SELECT_UNRATED);
         let rows = rows.bind_scope(scope).bind(since_ms).bind(most).bind(rated_since_ms);
+        let rows = rows.bind(scope.person()).bind(self.0.now_ms());
         Ok(rows.fetch_all(self.0.readers()).await?)
     }
 }

@@ -1,6 +1,7 @@
 //! REST, roles and uploads, as a client sees them.
 
 mod advice;
+mod attention;
 mod audit;
 mod bare_tools;
 mod base_path;
@@ -13,6 +14,7 @@ mod documents;
 mod edits;
 mod erasures;
 mod exchange;
+mod feedback;
 pub mod full_disk;
 mod half_open;
 mod hostile;

@@ -115,7 +115,8 @@ impl FilledCentre {
 
     /// Something of this kind: of the caller (0) or of another group (1). With `new`, it is made for this request.
     pub async fn subject(&mut self, kind: &str, side: usize, caller: usize, new: bool) -> Subject {
-        let is_new = new || matches!(kind, "comment" | "sign-in" | "identity" | "followed" | "pending");
+        let is_new =
+            new || matches!(kind, "comment" | "dismissal" | "sign-in" | "identity" | "followed" | "pending");
         let key = (kind.to_owned(), side);
         if !is_new && let Some(found) = self.known.get(&key) {
             return found.clone();
@@ -217,6 +218,19 @@ impl FilledCentre {
                     None => administrator,
                 };
                 part(by, "comments", json!({"from_s": 1, "text": "Here."})).await
+            }
+            "dismissal" => {
+                let session = administrator.read(&format!("/api/v1/sessions/{scored}")).await;
+                let by = match self.callers[caller].role {
+                    Some(2) if side == 0 => &self.callers[caller].client,
+                    Some(3) if side == 1 => &self.centre.other_instructor,
+                    Some(3) => &self.callers[caller].client,
+                    _ if side == 0 => &self.centre.instructor,
+                    _ => &self.centre.other_instructor,
+                };
+                let (trainee, task) = (&session["trainee"]["id"], &session["task"]["id"]);
+                let dismissal = json!({"kind": "refused", "trainee": trainee, "task": task, "sessions": [scored]});
+                Subject::of(text(&by.make("/api/v1/attention/dismissals", dismissal).await["id"]))
             }
             "trainee-comment" => {
                 let by = if side == 0 { &self.centre.trainee } else { &self.centre.other_trainee };
