@@ -314,6 +314,16 @@ export const api = {
   firstSteps: signal => request('GET', ['first-steps'], { signal }),
   /** @param {AbortSignal} [signal] */
   attention: signal => request('GET', ['attention'], { signal }),
+  /** What the caller has dismissed from that list. @param {AbortSignal} [signal] */
+  dismissals: signal => request('GET', ['attention', 'dismissals'], { signal }).then(page => page.items),
+  /** @param {ApiBody<'POST', ['attention', 'dismissals']>} json */
+  dismiss: json => request('POST', ['attention', 'dismissals'], { json }),
+  /** @param {string} id */
+  undoDismissal: id => request('DELETE', ['attention', 'dismissals', id]),
+  /** What is new to the calling trainee. @param {AbortSignal} [signal] */
+  feedback: signal => request('GET', ['feedback'], { signal }),
+  /** @param {string} until */
+  feedbackSeen: until => request('POST', ['feedback', 'seen'], { json: { until } }),
   /** @param {AbortSignal} [signal] */
   service: signal => request('GET', ['service'], { signal }),
   /** Everything that is stored in the centre. @param {boolean} videos */
@@ -430,6 +440,8 @@ export const api = {
     comment: (id, json) => request('POST', ['sessions', id, 'comments'], { json }),
     /** @param {string} id @param {string} comment */
     withdraw: (id, comment) => request('DELETE', ['sessions', id, 'comments', comment]),
+    /** Says that the calling trainee opens the session now. @param {string} id */
+    open: id => request('PUT', ['sessions', id, 'opening']),
     /** @param {string} id @param {AbortSignal} [signal] */
     ratings: (id, signal) => request('GET', ['sessions', id, 'ratings'], { signal }),
     /** @param {string} id @param {ApiBody<'POST', ['sessions', string, 'ratings']>} json */

@@ -6,6 +6,9 @@
     today: `
       format.js pages/today.js parts/courses/course_state.js parts/courses/own_courses.js parts/guide/first_steps.js
       parts/guide/guide_state.js parts/page/status.js parts/people/attention.js`,
+      format.js pages/today.js parts/courses/course_state.js parts/courses/own_courses.js parts/page/recorded_at.js
+      parts/page/status.js parts/people/attention.js parts/people/trainee_home.js parts/session/compared_space.js
+      parts/session/evidence.js parts/session/outcome_card.js with_error.js`,
     session: `
       format.js pages/session.js parts/forms/dialog.js parts/live/interrupted.js parts/live/light.js
       parts/live/live_screen.js parts/live/live_space.js parts/live/live_tools.js parts/live/live_track.js

@@ -39,6 +39,9 @@ export const reasonText = ({ reason, detail }) => translationOf('withheld', reas
 
 export const ratingItemTitle = ({ name, title }) => translationOf('items', name)?.[0] ?? title;
 
+/** In the service's own form: which published item it is taken from; null otherwise. @param {Schemas['ItemInfo']} item */
+export const ratingItemSource = ({ name, source }) => translationOf('items', name)?.[2] ?? source;
+
 /** What the mark of an item's anchor means. */
 export const anchorText = (item, index) => translationOf('items', item.name)?.[1][index] ?? item.anchors[index].words;
 

@@ -16,6 +16,7 @@ import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/pag
 import { OutcomeCard } from '../parts/session/outcome_card.js';
 import { Review } from '../parts/session/review.js';
 import { Skill } from '../parts/session/skill.js';
+import { useOpening } from '../parts/people/new_feedback.js';
 import { recordedAtText } from '../parts/page/recorded_at.js';
 import { isMoving, outcomeOf, ProgressBar, stateOf, StatusPill } from '../parts/page/status.js';
 import { ProblemDetail } from '../parts/page/prose.js';
@@ -28,6 +29,7 @@ export default function Session({ person, route }) {
   const { id } = route.params;
   const { data: session, problem, reload } = useData(signal => api.sessions.get(id, signal), [id]);
   const [lastEvent, setLastEvent] = useState(null);
+  useOpening(id, person);
   const { edits, reload: readEdits } = useEdits(id, Boolean(session && session.status !== 'receiving'), reload);
 
   useLive('resync', () => (!session || isMoving(session)) && reload());

@@ -1,12 +1,14 @@
-// A session on one sheet of paper: quality, targets, measured values, learning curve.
+// A session on paper: quality, targets, measured values, learning curve, and what people said. One sheet, unless they said
+// a lot.
 import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { clock } from '../format.js';
 import { serviceLang, t } from '../texts.js';
 import { featureWithTool, findingText } from '../translate.js';
-import { featuresIn, firstSpace, poorDepthText } from '../parts/session/compared_space.js';
+import { featuresIn, firstSpace, isTooUncertain, poorDepthText } from '../parts/session/compared_space.js';
 import { featureRows } from '../parts/session/features.js';
+import { feedbackLines, loadFeedback, ReportFeedback } from '../parts/session/report_feedback.js';
 import { leadingReasons } from '../parts/session/verdict.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
@@ -17,6 +19,7 @@ const words = t.report;
 const MAX_TARGETS = 10; // Per sheet; the sheet says how many are left out.
 const MAX_ROWS = 15; // Both tables together: leaves space for the rest even with the longest texts.
 const MAX_REASONS = 3;
+const MIN_ROWS = 4; // Other measurements, however much people said.
 const NOTE_ROWS = 2; // What the note on poor depth takes.
 
 /** @param {Props} props */
@@ -25,18 +28,20 @@ export default function SessionReport({ route }) {
   const { data, problem, reload } = useData(
     async signal => {
       const session = await api.sessions.get(id, signal);
-      if (session.status !== 'done') return { session };
+      if (session.status !== 'done') return { session, progress: null, feedback: null };
       const judged = session.features.find(feature => feature.target);
       const query = { task: session.task.id, feature: judged?.name ?? 'duration', tool: judged?.tool, space: judged?.space };
-      return { session, progress: await api.trainees.progress(session.trainee.id, query, signal).catch(() => null) };
+      const [progress, feedback] = await Promise.all([
+        api.trainees.progress(session.trainee.id, query, signal).catch(() => null), loadFeedback(id, signal)]);
+      return { session, progress, feedback };
     },
     [id],
   );
   if (!data)
     return html`<${PageHead} title=${words.session} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
-  const { session, progress } = data;
-  if (session.status !== 'done')
+  const { session, progress, feedback } = data;
+  if (session.status !== 'done' || !feedback)
     return html`<${PageHead} title=${words.session} /><${Empty} title=${words.notDone} body=${words.notDoneBody} />`;
   return html`
     <${Sheet} title=${words.sessionOf(session.task.name)} back=${['sessions', id]}>
@@ -52,8 +57,9 @@ export default function SessionReport({ route }) {
         ${t.session.boxQuestion.body(session.box.name)}</p>`}
       <${QualityGate} quality=${session.quality} />
       <${Targets} features=${session.features} />
-      <${Values} session=${session} />
+      <${Values} session=${session} lines=${feedbackLines(feedback)} />
       <${Learning} progress=${progress} session=${session} />
+      <${ReportFeedback} feedback=${feedback} />
       <${ReportProvenance} session=${session} progress=${progress} />
     <//>`;
 }
@@ -95,17 +101,22 @@ function Targets({ features }) {
     </section>`;
 }
 
-/** The other measured values, in space or in the image where depth is poor, as many as fit. @param {Props} props */
-function Values({ session }) {
+/**
+ * The other measured values, in space or in the image where depth is poor, as many as fit beside `lines` of feedback. A row
+ * has the values of both tools, also of one that has a target, so that they can be compared.
+ *
+ * @param {Props} props
+ */
+function Values({ session, lines }) {
   if (session.quality?.verdict === 'refused')
     return html`<section><h2>${t.session.features}</h2><p>${t.session.withheldBody}</p></section>`;
   const space = firstSpace(session);
-  const all = featureRows(featuresIn(session.features, space).filter(feature => !feature.target));
-  const isShown = row => !(space === 'image' && row.needsDepth) && [...row.byTool.values()].some(one => one.value !== null);
-  const rows = all.filter(isShown);
+  const isShown = row => !(space === 'image' && row.needsDepth)
+    && [...row.byTool.values()].some(one => !one.target && saysSomething(one));
+  const rows = byImportance(featureRows(featuresIn(session.features, space)).filter(isShown));
   const targets = Math.min(MAX_TARGETS, session.features.filter(feature => feature.target).length);
   const note = space === 'image' ? NOTE_ROWS : 0;
-  const shown = rows.slice(0, Math.max(0, MAX_ROWS - note - Math.ceil(1.5 * targets)));
+  const shown = rows.slice(0, Math.max(MIN_ROWS, MAX_ROWS - note - Math.ceil(1.5 * targets) - lines));
   const columns = [...session.tools, null].filter(tool => shown.some(row => row.byTool.has(tool)));
   if (!shown.length) return null;
   return html`
@@ -123,6 +134,19 @@ function Values({ session }) {
       ${rows.length > shown.length && html`<p>${words.further(rows.length - shown.length)}</p>`}
     </section>`;
 }
+
+/** What a person looks at first; the others follow in the order of the service. */
+const FIRST_FEATURES = ['duration', 'path_length', 'movements', 'idle_share', 'mean_velocity', 'economy_of_volume', 'economy_of_area',
+  'depth_travelled', 'spectral_arc_length', 'together_share', 'tip_distance'];
+
+const byImportance = rows => [
+  ...FIRST_FEATURES.flatMap(name => rows.filter(row => row.name === name)),
+  ...rows.filter(row => !FIRST_FEATURES.includes(row.name)),
+];
+
+/** False without a value, where nothing happened, and where the error is as large as the value. @param {Schemas['FeatureResponse']} one */
+const saysSomething = one => one.value !== null && one.value !== 0 && !isTooUncertain(one)
+  && !(one.error && (one.error.high - one.error.low) / 2 >= Math.abs(one.value ?? 0));
 
 /** A narrow column does not explain a missing value; the session's page does. */
 const short = one => (one.value === null ? t.session.notEnough : measuredText(one));

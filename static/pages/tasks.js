@@ -5,6 +5,7 @@ import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
+import { formTitle } from '../translate.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
 import { ownerGroups, ownersField } from '../parts/forms/owners.js';
 import { SkillModel } from '../parts/tasks/skill_model.js';
@@ -16,8 +17,8 @@ const words = t.tasks;
 /** @param {Props} props */
 export default function Tasks({ person }) {
   const { data, problem, reload } = useData(async () => {
-    const [tasks, groups] = await Promise.all([api.tasks.all(), ownerGroups(person)]);
-    return { tasks, groups };
+    const [tasks, groups, forms] = await Promise.all([api.tasks.all(), ownerGroups(person), api.ratingForms()]);
+    return { tasks, groups, forms };
   }, []);
   const tasks = data?.tasks;
   const mayEdit = may(person, 'edit_tasks');
@@ -26,6 +27,8 @@ export default function Tasks({ person }) {
     { name: 'name', label: words.name, required: true, maxlength: 100, value: item?.name },
     { name: 'code', label: words.code, hint: t.trainees.codeHint, maxlength: 60, value: item?.code },
     { name: 'description', label: words.description, type: 'textarea', value: item?.description, wide: true },
+    { name: 'rating_forms', label: words.forms, hint: words.formsHint, type: 'checks',
+      options: (data?.forms ?? []).map(form => [form.form, formTitle(form)]), value: item?.rating_forms ?? (data?.forms ?? []).map(form => form.form) },
     ...ownersField(data?.groups ?? [], item, person),
   ];
   const edit = useEditing({

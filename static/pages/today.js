@@ -15,6 +15,7 @@ import { Attention } from '../parts/people/attention.js';
 import { icons } from '../parts/page/icons.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { OwnCourses } from '../parts/courses/own_courses.js';
+import { TraineeHome } from '../parts/people/trainee_home.js';
 import { traineeId } from '../parts/page/shell.js';
 import { isMoving, Outcome, ProgressBar, stateOf, StatusPill } from '../parts/page/status.js';
 import { ProblemDetail } from '../parts/page/prose.js';
@@ -97,8 +98,9 @@ function Overview({ person, hiddenGuide }) {
     reloadSoon();
   });
 
-  if (!data || !(own.data ?? own.problem)) // Everything appears at once, so that nothing is pushed aside later.
-    return html`<${PageHead} title=${words.title} lead=${words.lead} />${problem
+  const isHomeLoaded = !trainee || scored.items || scored.problem;
+  if (!data || !(own.data ?? own.problem) || !isHomeLoaded) // Everything appears at once, so that nothing is pushed aside later.
+    return html`<${PageHead} title=${words.title} lead=${trainee ? t.home.lead : words.lead} />${problem
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const moving = data.moving.map(session => ({ ...session, ...progress[session.id] })).filter(isMoving);
   const count = status => moving.filter(session => session.status === status).length;
@@ -106,7 +108,7 @@ function Overview({ person, hiddenGuide }) {
   const failed = [{ problem, reload }, scored, own].find(one => one.problem);
   const mayUpload = may(person, 'upload') || may(person, 'upload_own');
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}>
+    <${PageHead} title=${words.title} lead=${trainee ? t.home.lead : words.lead}>
       <${LiveState} />
       ${hiddenGuide && html`<a class="button" href=${href(['first-steps'])}>${t.firstSteps.title}</a>`}
       ${mayUpload && html`<a class="button main" href=${href(['upload'])}><${icons.upload} />${words.upload}</a>`}
@@ -114,19 +116,20 @@ function Overview({ person, hiddenGuide }) {
     <${ProblemNotice} problem=${failed?.problem} onRetry=${failed?.reload} />
     <${Announce}>${announcement}<//>
     ${trainee && own.data && html`<div class="stack own-courses"><${OwnCourses} trainee=${trainee} first=${own.data} brief /></div>`}
-    <dl class="figures">
+    ${trainee && html`<${TraineeHome} person=${person} session=${scored.items?.[0]} />`}
+    ${!trainee && html`<dl class="figures">
       <${Figure} name=${words.queued} value=${shownCounts?.queued ?? count('queued')} />
       <${Figure} name=${words.running} value=${shownCounts?.running ?? count('tracking')} />
       <${Figure} name=${words.finished} value=${scored.count} />
       <${Figure} name=${words.attention} value=${`${data.failed.length}${data.moreFailed ? '+' : ''}`} />
-    </dl>
+    </dl>`}
     <div class="columns">
-      <${List} title=${words.moving} items=${moving} row=${Moving} empty=${words.emptyQueue}
+      ${(!trainee || moving.length > 0) && html`<${List} title=${words.moving} items=${moving} row=${Moving} empty=${words.emptyQueue}
         emptyBody=${words.emptyQueueBody} more=${may(person, 'watch') && count('receiving') > 0 && href(['live'])}
-        moreWords=${words.watch} />
-      <${List} title=${words.attentionTitle} items=${data.failed} row=${Failed} empty=${words.emptyAttention}
-        emptyBody=${words.emptyAttentionBody} />
-      <${Attention} own=${!may(person, 'see_trainees')} onLoaded=${() => setAttentionLoaded(true)} />
+        moreWords=${words.watch} />`}
+      ${(!trainee || data.failed.length > 0) && html`<${List} title=${words.attentionTitle} items=${data.failed} row=${Failed}
+        empty=${words.emptyAttention} emptyBody=${words.emptyAttentionBody} />`}
+      <${Attention} own=${!may(person, 'see_trainees')} person=${person} onLoaded=${() => setAttentionLoaded(true)} />
       ${isAttentionLoaded && html`<${List} title=${words.recent} items=${scored.items} row=${Done} empty=${words.emptyRecent}
         emptyBody=${words.emptyRecentBody} more=${href(['sessions'])} moreWords=${words.all} wide />`}
     </div>`;

@@ -279,6 +279,25 @@ export default {
   kinds: { track: 'Aufnahme auswerten', import: 'Importierte Bahn auswerten', rescore: 'Sitzung neu auswerten', calibrate: 'Kamera kalibrieren', palette: 'Farben der Instrumente lernen', advise: 'Bänder für die Box vergleichen', self_test: 'Box prüfen' },
   jobStates: { queued: 'Wartet', running: 'Läuft', done: 'Fertig', failed: 'Fehlgeschlagen', quarantined: 'Zurückgestellt' },
 
+  feedback: {
+    title: 'Neue Rückmeldungen',
+    new: 'Neu',
+    on: (task, recorded) => `${task}, ${recorded}`,
+    given: (ratings, comments) =>
+      [ratings && plural(ratings, 'Bewertung', 'Bewertungen'), comments && plural(comments, 'Kommentar', 'Kommentare')].filter(Boolean).join(', '),
+    by: who => (who.length ? `von ${who.join(', ')}` : ''),
+    more: n => plural(n, 'weitere Sitzung hat neue Rückmeldungen.', 'weitere Sitzungen haben neue Rückmeldungen.'),
+    markAll: 'Alle als gesehen markieren',
+    mark: n => plural(n, 'Sitzung mit neuen Rückmeldungen', 'Sitzungen mit neuen Rückmeldungen'),
+  },
+  home: {
+    lead: 'Ihr letztes Ergebnis, Ihr nächster Schritt und was andere Ihnen geschrieben haben.',
+    last: 'Ihr letztes Ergebnis',
+    open: 'Sitzung öffnen',
+    time: seconds => `Zeit ${seconds}`,
+    inARow: (have, of) => `${have} von ${of} bestandenen Sitzungen in Folge, die der Standard verlangt.`,
+    more: (have, of) => `${have} von ${of} weiteren bestandenen Sitzungen, die der Standard verlangt.`,
+  },
   today: {
     title: 'Heute',
     lead: 'Was gerade ausgewertet wird, was neu ist und was Aufmerksamkeit braucht.',
@@ -948,8 +967,14 @@ export default {
       you: 'Sie',
       gone: 'Eine gelöschte Person',
       notJudged: 'nicht beurteilt',
-      noTotal: 'zu wenige Merkmale beurteilt',
-      total: most => `Summe (höchstens ${most})`,
+      noTotal: 'nicht alle Merkmale beurteilt',
+      doesNotApply: 'trifft nicht zu',
+      total: 'Summe der zutreffenden Merkmale',
+      totalOf: (sum, most) => `${sum} von ${most}`,
+      otherItems: 'Es wurden verschiedene Merkmale beurteilt; die Summen lassen sich nicht vergleichen.',
+      remark: 'Bemerkung zur ganzen Sitzung (freiwillig)',
+      remarkOf: who => `Bemerkung: ${who}`,
+      ownForm: 'Eigener Bogen von Trocar, nicht veröffentlicht und nicht validiert. Seine Merkmale sind jene von OSATS (Martin et al., Br J Surg 1997;84:273–278) und GOALS (Vassiliou et al., Am J Surg 2005;190:107–113), die sich in einer Box beurteilen lassen.',
       source: source => `Bogen: ${source}. Die Beschreibungen der Stufen wurden für Trocar geschrieben.`,
       anchor: (mark, means) => `${mark}: ${means}`,
       between: mark => `${mark}: zwischen den Beschreibungen der Stufen daneben`,
@@ -1272,6 +1297,8 @@ export default {
     name: 'Name',
     code: 'Kürzel',
     description: 'Beschreibung',
+    forms: 'Bögen für die Bewertung der Sitzungen',
+    formsHint: 'Ist keiner gewählt, werden alle angeboten.',
     none: 'Noch keine Aufgaben',
     noneBody: 'Legen Sie die erste Übung an, zum Beispiel den m-förmigen Draht.',
     sessions: 'Sitzungen',
@@ -1305,6 +1332,8 @@ export default {
     correlations: 'Welche Kennwerte korrelieren mit den Bewertungen?',
     adjusted: (people, asked) =>
       `Spearmans ρ zwischen jedem Kennwert und der Summe der Bewertung, über ${plural(people, 'Person', 'Personen')}, mit 95-%-Intervallen. ${plural(asked, 'Korrelation wurde', 'Korrelationen wurden')} zugleich geprüft: Von den als signifikant bezeichneten wäre weniger als eine von zwanzig Zufall.`,
+    sameItems: (items, others) =>
+      `${items ? `Verglichen werden nur Bewertungen derselben Merkmale: ${items}. ` : ''}${others ? `${plural(others, 'Bewertung', 'Bewertungen')} anderer Merkmale ausgelassen.` : ''}`,
     found: 'Signifikant',
     yes: 'ja',
     no: 'nein',
@@ -1852,6 +1881,8 @@ export default {
     print: 'Drucken',
     back: 'Zurück',
     hint: 'Eine Seite A4. Für ein PDF wählen Sie „Als PDF speichern“ als Drucker.',
+    hint: 'Eine Seite A4, mit vielen Kommentaren zwei. Für ein PDF wählen Sie „Als PDF speichern“ als Drucker.',
+    brand: 'Trocar',
     session: 'Sitzung',
     sessionOf: task => `Sitzungsbericht: ${task}`,
     traineeTitle: 'Bericht über Lernende',
@@ -1888,6 +1919,8 @@ export default {
     further_values: 'Was noch gemessen wurde',
     inImage: 'Längen und Geschwindigkeiten gelten im Bild.',
     further: n => `${plural(n, 'weiterer Kennwert', 'weitere Kennwerte')} auf der Seite der Sitzung.`,
+    furtherComments: n => `${plural(n, 'weiterer Kommentar', 'weitere Kommentare')} auf der Seite der Sitzung.`,
+    itemsLeftOut: n => plural(n, 'Merkmal trifft nicht zu', 'Merkmale treffen nicht zu'),
     learning: name => `${name}, über alle Sitzungen dieser Aufgabe`,
     thisOne: n => `Dies ist Sitzung ${n}.`,
     noLimit: 'Balken: Zwischen ihren Enden liegt der wahre Wert in 95 von 100 Sitzungen.',
@@ -2449,6 +2482,17 @@ export default {
     unrated: 'Wartet auf eine Bewertung',
     since: when => `seit ${when}`,
     session: 'Sitzung ansehen',
+    dismiss: 'Ausblenden',
+    dismissThis: name => `Ausblenden: ${name}`,
+    dismissTitle: 'Aus Ihrer Liste entfernen. Es kommt wieder, sobald es etwas Neues gibt. Andere sehen es weiterhin.',
+    later: 'In einer Woche',
+    laterThis: name => `In einer Woche wieder zeigen: ${name}`,
+    laterTitle: 'Für eine Woche aus Ihrer Liste entfernen. Andere sehen es weiterhin.',
+    dismissed: name => `Aus Ihrer Liste entfernt: ${name}.`,
+    undo: 'Rückgängig',
+    undoThis: name => `Rückgängig: ${name}`,
+    dismissedBefore: n => `${plural(n, 'Eintrag', 'Einträge')} von Ihnen ausgeblendet`,
+    until: when => `bis ${when}`,
     more: 'Zuletzt haben mehr Personen geübt, als hier geprüft werden. Sehen Sie die Tabellen der Gruppen an.',
   },
   service: {
@@ -2611,7 +2655,7 @@ export default {
       extracorporeal_knot: 'Naht mit extrakorporalem Knoten',
       intracorporeal_knot: 'Naht mit intrakorporalem Knoten',
     },
-    forms: { osats: 'OSATS, globale Bewertungsskala', goals: 'GOALS' },
+    forms: { osats: 'OSATS, globale Bewertungsskala', goals: 'GOALS', box_trainer: 'Bogen für Boxtrainer' },
     /** Title of an item of a rating form, and what its marks 1, 3 and 5 mean. */
     items: {
       respect_for_tissue: ['Umgang mit Gewebe', [
@@ -2674,6 +2718,36 @@ export default {
         'Kommt mit mäßiger Anleitung sicher zum Ende',
         'Kommt allein zum Ende, ohne Ansage',
       ]],
+      box_depth_perception: ['Tiefenwahrnehmung', [
+        'Verfehlt das Ziel immer wieder und korrigiert langsam',
+        'Verfehlt das Ziel ab und zu und korrigiert schnell',
+        'Führt die Instrumente in der richtigen Ebene zum Ziel, ohne es zu verfehlen',
+      ], 'GOALS, Tiefenwahrnehmung'],
+      box_bimanual_dexterity: ['Beidhändigkeit', [
+        'Benutzt nur eine Hand oder beide ohne Abstimmung',
+        'Benutzt beide Hände, aber sie helfen einander nicht immer',
+        'Beide Hände arbeiten zusammen: Eine bereitet vor, was die andere tut',
+      ], 'GOALS, Beidhändigkeit'],
+      box_object_handling: ['Umgang mit Objekten und Material', [
+        'Lässt Objekte oft fallen, zerreißt oder verbiegt sie oder verwendet mehr Kraft als nötig',
+        'Behandelt Objekte sorgsam, lässt wenige fallen oder beschädigt sie leicht',
+        'Greift sicher und mit der richtigen Kraft, ohne etwas fallen zu lassen oder zu beschädigen',
+      ], 'GOALS, Gewebebehandlung, und OSATS, Umgang mit Gewebe, für die Objekte und das Material einer Box'],
+      box_instrument_handling: ['Umgang mit den Instrumenten', [
+        'Immer wieder zögerlich oder ungeschickt mit den Instrumenten',
+        'Sicher mit den Instrumenten, manchmal steif oder ungeschickt',
+        'Flüssig mit den Instrumenten, nie ungeschickt',
+      ], 'OSATS, Umgang mit den Instrumenten'],
+      box_time_and_motion: ['Zeit und Bewegung', [
+        'Viele unnötige Bewegungen, viele Versuche',
+        'Zügig, mit einigen unnötigen Bewegungen',
+        'Keine Bewegung zu viel, jeder Versuch gelingt',
+      ], 'OSATS, Zeit und Bewegung, und GOALS, Effizienz'],
+      box_flow: ['Ablauf und Vorausplanung', [
+        'Hält oft an und scheint nicht zu wissen, was als Nächstes kommt',
+        'Plant voraus und macht stetig weiter',
+        'Hat erkennbar den ganzen Ablauf geplant; ein Schritt geht in den nächsten über',
+      ], 'OSATS, Ablauf der Operation und Vorausplanung'],
     },
     /** What to do about a feature that misses its limit, by the rule. */
     rules: {

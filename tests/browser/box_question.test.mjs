@@ -69,6 +69,17 @@ test('a recording of another box is asked about, on its page and in the lists', 
   await listed.getByText('Is it this box?').first().waitFor();
 });
 
+test('an entry of what needs attention is put off for a week, and undone', async () => {
+  const card = page.locator('.card', { has: page.getByRole('heading', { name: 'Needs attention' }) });
+  const entry = card.locator('.queue > li', { has: page.locator(`a[href$="${id}"]`) });
+  assert.equal(await entry.getByRole('button', { name: /^Dismiss/ }).count(), 0, 'it counts nowhere until it is answered');
+  await entry.getByRole('button', { name: /^Show again in a week/ }).click();
+  await entry.waitFor({ state: 'detached' });
+  await card.getByText('1 entry that you removed').waitFor();
+  await card.getByRole('status').getByRole('button', { name: 'Undo' }).click();
+  await entry.waitFor();
+});
+
 test('no: its values are withheld, and the page says what to do', async () => {
   await page.goto(`${url}/sessions/${id}`);
   await answer('No, it is another box', 'It was box 3.');

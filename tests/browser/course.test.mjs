@@ -164,6 +164,10 @@ test('a trainee sees the next step and its due date, and nothing of others', asy
   await page.getByText('Your course').waitFor();
   await page.getByText(`Next step: ${made.wire.name} (2 sessions), by ${dayWords(-1)}.`).waitFor();
   assert.ok(!(await page.locator('main').innerText()).includes(GROUP), 'groups are not shown to trainees');
+  const last = page.getByRole('region', { name: 'Your last result' });
+  await last.getByText(made.wire.name).waitFor();
+  await last.getByText(/^Time |· Time /).waitFor();
+  assert.equal(await page.locator('.figures').count(), 0, 'no figures of the service’s queue');
   await trainee.takePictures('04-today');
   await page.getByRole('link', { name: 'All steps' }).click();
   await heading(ADA).waitFor();
@@ -176,6 +180,36 @@ test('a trainee sees the next step and its due date, and nothing of others', asy
   }
   const status = await page.evaluate(async at => (await fetch(at)).status, `/api/v1/trainees/${made.ben.id}/courses`);
   assert.equal(status, 404);
+});
+
+test('feedback is marked as new on the trainee’s home until the session is opened, and is in its report', async () => {
+  const { page } = trainee;
+  const [session] = (await admin.getJson(`sessions?trainee=${made.ada.id}&task=${made.pegs.id}&limit=1`)).items;
+  const remark = 'Keep both tips in view.';
+  await teacher.page.goto(`${url}/sessions/${session.id}`);
+  const form = teacher.page.getByRole('region', { name: 'Box trainer form' });
+  await form.getByRole('button', { name: 'Rate', exact: true }).click();
+  const items = await form.getByRole('group').all();
+  for (const [at, item] of items.entries()) await item.getByText(at ? '4' : 'does not apply', { exact: true }).click();
+  await form.getByLabel('Remark on the whole session').fill(remark);
+  await form.getByRole('button', { name: 'Give this rating' }).click();
+  await form.getByText('20 of 25').waitFor();
+  await teacher.create(`sessions/${session.id}/comments`, { from_s: 1, text: 'Well planned.' });
+
+  await trainee.open('/');
+  const news = page.getByRole('region', { name: 'New feedback' });
+  await news.getByText(`1 rating, 1 comment · by Teacher ${mark}`).waitFor();
+  await page.locator('header.top nav').getByText('1 session with new feedback').waitFor({ state: 'attached' });
+  await trainee.takePictures('06-feedback');
+  await news.getByRole('link').first().click();
+  await page.getByText(remark).waitFor();
+  await page.locator('header.top nav .count').waitFor({ state: 'detached' });
+  await trainee.open(`/sessions/${session.id}/report`);
+  const report = page.locator('.report');
+  for (const text of ['20 of 25', '(1 item does not apply)', remark, 'Well planned.']) await report.getByText(text).first().waitFor();
+  await trainee.open('/');
+  await page.getByRole('region', { name: 'Your last result' }).waitFor();
+  assert.equal(await news.count(), 0);
 });
 
 test('the open page shows that a step is done as soon as the missing session is scored', async () => {

@@ -471,14 +471,22 @@ async function figuresOfTraineeReport() {
   return figures;
 }
 
-/** The figures on a trainee's own page: how many of their recordings are queued, tracked, scored and failed. */
+/** The figures on a trainee's own page: the last result with its limits, and the passes in a row; no counts of the queue. */
 async function figuresOfOwnToday() {
-  const counts = await Promise.all(['queued', 'tracking', 'failed'].map(async status => (await getAll(`sessions?status=${status}`)).length));
-  const recent = (await getAll('sessions?status=done')).filter(one => Date.now() - Date.parse(one.created_at) < DAY_MS).length;
-  await page.waitForFunction(() => !document.querySelector('.figures').textContent.includes('…'));
-  const shown = await facts(page.locator('.figures'));
-  return [['queued', shown['In the queue'], String(counts[0])], ['running', shown['Being scored'], String(counts[1])],
-    ['finished', shown['Scored in the last 24 h'], String(recent)], ['failed', shown['Could not be scored'], String(counts[2])]];
+  const [last] = (await getJson('sessions?status=done&limit=1')).items;
+  const data = await getJson(`sessions/${last.id}`);
+  const { rule } = await getJson(`trainees/${last.trainee.id}/progress?task=${last.task.id}`);
+  const home = page.locator('.home');
+  await home.getByText(last.task.name).first().waitFor();
+  const passes = rule?.state === 'open' ? [rule.have_in_a_row, rule.in_a_row].join() : '';
+  if (passes) await home.locator('.way').waitFor();
+  const time = data.features.find(one => one.name === 'duration' && !one.tool);
+  const said = (await home.innerText()).match(/Time (\S+( ± \S+)?) s/)?.[1];
+  return [
+    ...(time?.value && time.error && data.quality.verdict !== 'refused' ? [['time', said, withError(time.value, time.error).join(' ± ')]] : []),
+    ['in a row', passes && figuresIn(await home.locator('.way p').innerText()).join(), passes],
+    ['figures of the queue', await page.locator('.figures').count(), 0], ...(await outcomeFigures(data)),
+  ];
 }
 
 /**
@@ -495,7 +503,7 @@ const pages = () => ({
   'trainee’s report': [`/trainees/${session.trainee.id}/report?${progress}`, figuresOfTraineeReport, '**/progress?*',
     data => (data.features[0].points.find(one => one.value !== null).value *= 1.01)],
   certificate: pass && [`/trainees/${pass.trainee}/certificate?task=${pass.task}`, figuresOfCertificate, '**/progress?*', data => (data.standard.targets[0].limit += 1)],
-  'own today': ['/', figuresOfOwnToday, '**/api/v1/sessions?status=failed*', data => data.items.push({ id: 'none', status: 'failed' })],
+  'own today': ['/', figuresOfOwnToday, '**/api/v1/sessions?status=done*', data => data.items[0].features.filter(one => one.value).forEach(one => (one.value *= 1.1))],
   groups: ['/groups', figuresOfGroups, '**/api/v1/cohorts?*', data => (data.items[0].people += 1)],
   group: [`/groups/${session.group}?task=${session.task.id}`, figuresOfGroup, '**/progress?*', data => (data.rows.find(one => one.points.length).points.at(-1).value *= 1.01)],
   task: [`/tasks/${session.task.id}`, figuresOfTask, '**/distribution?*', data => (data.groups[0].values[0] *= 1.01)],

@@ -41,6 +41,7 @@ const ARGUMENTS = {
   'record.unheld': [['exposureMode', 'whiteBalanceMode']],
   'session.comments.deleteThis': ['a comment'],
   'session.comments.withdrawThis': ['a comment'],
+  'feedback.by': [['Ines', 'Omar']],
   'session.rateOf': [0.5],
   'session.edits.does.swap': ['0:01–0:02', ['red', 'blue']],
   'session.edits.says.swap': ['0:01–0:02', ['red', 'blue']],

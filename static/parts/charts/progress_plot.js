@@ -39,11 +39,38 @@ export function ProgressPlot({ series, sessions }) {
       ${line.length > 1 && html`<path class="band" d=${`${path(at => at.high)}${lowerEdge}Z`} />
         <path class="curve" d=${path(at => at.value)} fill="none" />`}
       ${series.target && html`<line class="limit" x1=${LEFT} x2=${WIDTH - RIGHT} y1=${y(series.target.limit)}
-        y2=${y(series.target.limit)} /><text class="axis" x=${WIDTH - RIGHT} y=${y(series.target.limit) - 5}
-        text-anchor="end">${words.limit(number(series.target.limit), unit(series.unit))}</text>`}
+        y2=${y(series.target.limit)} /><${LimitLabel} text=${words.limit(number(series.target.limit), unit(series.unit))}
+        at=${y(series.target.limit)} points=${points.map(point => pointBox(point, x(point.session), y))} />`}
       ${points.map(point => html`<${Dot} key=${point.session} point=${point} session=${byNumber.get(point.session)}
         x=${x(point.session)} y=${y} name=${unit(series.unit)} />`)}
     </svg>`;
+}
+
+const DOT_PX = 6;
+/** A letter of the label at the largest size of the print, and the height of the label, in units of the plot. */
+const [LETTER_PX, LABEL_PX] = [10, 20];
+
+/** The space that a point takes with its error bar. */
+const pointBox = (point, x, y) => ({
+  left: x - DOT_PX,
+  right: x + DOT_PX,
+  top: (point.is_lower_bound ? TOP : y(point.high ?? point.value)) - DOT_PX,
+  bottom: y(point.low ?? point.value) + DOT_PX,
+});
+
+/** The limit's name at its line: right or left, above or below, where it covers no point, else the fewest. */
+function LimitLabel({ text, at, points }) {
+  const width = text.length * LETTER_PX;
+  const places = [['end', at - 5], ['end', at + 15], ['start', at - 5], ['start', at + 15]].map(([anchor, baseline]) => {
+    const left = anchor === 'end' ? WIDTH - RIGHT - width : LEFT + 4;
+    const covered = points.filter(point => point.right > left && point.left < left + width
+      && point.bottom > baseline - LABEL_PX + 4 && point.top < baseline + 4).length;
+    const isOutside = baseline < TOP || baseline > HEIGHT - BOTTOM;
+    return { anchor, baseline, cost: covered + (isOutside ? points.length + 1 : 0) };
+  });
+  const best = places.reduce((found, place) => (place.cost < found.cost ? place : found));
+  return html`<text class="axis limit-name" x=${best.anchor === 'end' ? WIDTH - RIGHT : LEFT + 4} y=${best.baseline}
+    text-anchor=${best.anchor}>${text}</text>`;
 }
 
 /** @param {Props} props */

@@ -6,6 +6,7 @@ import { chooseTheme, onThemeChange, themeChoice } from '../../theme.js';
 import { t } from '../../texts.js';
 import { isRecording, onRecording } from '../../record/current_recording.js';
 import { useFollowed } from '../guide/followed.js';
+import { FeedbackMark } from '../people/new_feedback.js';
 import { CentreMark } from './centre_mark.js';
 import { icons } from './icons.js';
 import { LanguageMenu } from './language.js';
@@ -46,7 +47,8 @@ export function Shell({ person, current, children }) {
         <ul>
           ${navEntries(person).map(([name, path]) => html`
               <li key=${name}><a href=${href(path)} aria-current=${isCurrent(name, current, person) ? 'page'
-                : undefined}>${t.nav[name]}${name === 'record' && html`<${RecordingMark} />`}</a></li>`)}
+                : undefined}>${t.nav[name]}${name === 'record' && html`<${RecordingMark} />`}${
+                name === 'today' && html`<${FeedbackMark} person=${person} />`}</a></li>`)}
         </ul>
       </nav>
       <div class="account">

@@ -4,7 +4,7 @@ import { api } from '../../api.js';
 import { useData } from '../../data.js';
 import { fixed } from '../../format.js';
 import { t } from '../../texts.js';
-import { featureTitle, formTitle, reasonText } from '../../translate.js';
+import { featureTitle, formTitle, ratingItemTitle, reasonText } from '../../translate.js';
 import { Dialog } from '../forms/dialog.js';
 import { Loading, ProblemNotice } from '../page/notice.js';
 
@@ -19,6 +19,7 @@ export function RatersDialog({ task, onClose }) {
     [task.id, form],
   );
   const answers = data?.[0].form === form ? data : null;
+  const chosen = forms?.find(one => one.form === form);
   return html`
     <${Dialog} title=${words.title(task.name)} onClose=${onClose}>
       <div class="row" role="group" aria-label=${words.form}>
@@ -26,7 +27,8 @@ export function RatersDialog({ task, onClose }) {
           aria-pressed=${choice.form === form} onClick=${() => setForm(choice.form)}>${formTitle(choice)}</button>`)}
       </div>
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
-      ${answers ? html`<${Agreement} agreement=${answers[0]} /><${Correlations} correlations=${answers[1]} />` : !problem && html`<${Loading} />`}
+      ${answers && chosen ? html`<${Agreement} agreement=${answers[0]} form=${chosen} /><${Correlations}
+        correlations=${answers[1]} form=${chosen} />` : !problem && html`<${Loading} />`}
       <div class="actions"><button class="button" type="button" onClick=${onClose}>${words.close}</button></div>
     <//>`;
 }
@@ -34,7 +36,7 @@ export function RatersDialog({ task, onClose }) {
 const estimate = value => words.estimate(fixed(value.value, 2), fixed(value.low, 2), fixed(value.high, 2));
 
 /** @param {Props} props */
-const Agreement = ({ agreement }) => html`
+const Agreement = ({ agreement, form }) => html`
   <section class="stack tight">
     <h3>${words.agreement}</h3>
     ${agreement.withheld ? html`<p class="muted">${words.notEnough(reasonText(agreement.withheld))}</p>` : html`
@@ -43,10 +45,11 @@ const Agreement = ({ agreement }) => html`
         <dt>${words.mean(agreement.raters)}</dt><dd>${agreement.mean ? estimate(agreement.mean) : words.none}</dd>
       </dl>
       <p class="small muted">${words.madeOf(agreement.people, agreement.raters, agreement.left_out)}</p>`}
+    <${SameItems} form=${form} items=${agreement.items} others=${agreement.other_items} />
   </section>`;
 
 /** @param {Props} props */
-const Correlations = ({ correlations }) => html`
+const Correlations = ({ correlations, form }) => html`
   <section class="stack tight">
     <h3>${words.correlations}</h3>
     ${correlations.withheld ? html`<p class="muted">${words.notEnough(reasonText(correlations.withheld))}</p>` : html`
@@ -66,4 +69,9 @@ const Correlations = ({ correlations }) => html`
           </tbody>
         </table>
       </div>`}
+    <${SameItems} form=${form} items=${correlations.rated_items} others=${correlations.other_items} />
   </section>`;
+
+/** Which items the compared ratings judged, where that is not the whole form. @param {Props} props */
+const SameItems = ({ form, items, others }) => (others > 0 || (items.length > 0 && items.length < form.items.length)) && html`
+  <p class="small muted">${words.sameItems(form.items.filter(item => items.includes(item.name)).map(ratingItemTitle).join(', '), others)}</p>`;
