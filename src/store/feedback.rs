@@ -53,22 +53,27 @@ pub struct SessionOpening {
 /// Selects at most `$4` comments and ratings by others than person `$3` on sessions that they have not opened since.
 /// Comments of trainees are left out: they are of a trainee whose session it was before it was moved.
 const SELECT_NEW_FEEDBACK: &str = "
-    WITH entry (session_id, person_id, form, created_at_ms) AS
-        (SELECT session_id, person_id, NULL, created_at_ms FROM comment
-         UNION ALL SELECT session_id, person_id, form, created_at_ms FROM rating)
-    SELECT session.id AS session_id, session.recorded_at_ms, task.id AS task_id, task.name AS task_name,
-           task.code AS task_code, entry.form, entry.person_id, person.name AS who, entry.created_at_ms
-    FROM session
-    JOIN task ON task.id = session.task_id
-    JOIN entry ON entry.session_id = session.id
+    WITH own (session_id, recorded_at_ms, task_id, seen_ms) AS
+        (SELECT session.id, session.recorded_at_ms, session.task_id, coalesce(opening.opened_at_ms, 0)
+         FROM session
+         LEFT JOIN session_opening AS opening ON opening.session_id = session.id AND opening.person_id = $3
+         WHERE $1 = 'trainee'
+           AND session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2)
+           AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))),
+    entry (session_id, person_id, form, created_at_ms) AS
+        (SELECT own.session_id, comment.person_id, NULL, comment.created_at_ms
+         FROM own JOIN comment ON comment.session_id = own.session_id AND comment.created_at_ms > own.seen_ms
+         UNION ALL
+         SELECT own.session_id, rating.person_id, rating.form, rating.created_at_ms
+         FROM own JOIN rating ON rating.session_id = own.session_id AND rating.created_at_ms > own.seen_ms)
+    SELECT own.session_id, own.recorded_at_ms, task.id AS task_id, task.name AS task_name, task.code AS task_code,
+           entry.form, entry.person_id, person.name AS who, entry.created_at_ms
+    FROM entry
+    JOIN own ON own.session_id = entry.session_id
+    JOIN task ON task.id = own.task_id
     LEFT JOIN person ON person.id = entry.person_id
-    LEFT JOIN session_opening AS opening ON opening.session_id = session.id AND opening.person_id = $3
-    WHERE $1 = 'trainee'
-      AND session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2)
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
-      AND entry.person_id IS NOT $3 AND coalesce(person.role, 'instructor') <> 'trainee'
-      AND entry.created_at_ms > coalesce(opening.opened_at_ms, 0)
-    ORDER BY entry.created_at_ms DESC, session.id DESC LIMIT $4";
+    WHERE entry.person_id IS NOT $3 AND coalesce(person.role, 'instructor') <> 'trainee'
+    ORDER BY entry.created_at_ms DESC, own.session_id DESC LIMIT $4";
 
 /// Selects at most `$5` sessions whose result of `$4` or later person `$3` has not seen, the latest result first.
 const SELECT_NEW_RESULTS: &str = "

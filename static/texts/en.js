@@ -171,7 +171,7 @@ export default {
   kinds: { track: 'Scoring a recording', import: 'Scoring an imported path', rescore: 'Scoring a session again', calibrate: 'Calibrating a camera', palette: 'Learning tool colours', advise: 'Ranking tapes for a box', self_test: 'Testing a box' },
   jobStates: { queued: 'Queued', running: 'Running', done: 'Done', failed: 'Failed', quarantined: 'On hold' },
 
-  /** A trainee's home: comments, ratings and results that are new. */
+  // The home of a trainee: comments, ratings and results that are new.
   feedback: {
     title: 'New feedback',
     new: 'New',

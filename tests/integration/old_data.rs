@@ -35,7 +35,7 @@ const FREE: [&str; 12] = [
     "last_used_at",
 ];
 
-/// Lists to which a later release adds entries at the end: one for each form of ratings.
+/// Lists that a later release makes longer at the end: one entry for each form of ratings.
 const GROWING: [&str; 1] = ["raters"];
 
 /// What a later release changes on purpose: release, path of the value, old and new value.

@@ -90,7 +90,7 @@ async fn an_alarm_is_dismissed_by_its_start_and_a_later_alarm_is_listed() {
     let centre = Centre::open().await;
     let planter = Planter::open(&centre.service.data.path().join("trocar.db")).await;
     let standard = json!({"targets": [{"feature": "duration", "by": {"method": "fixed", "limit": 50, "unit": "s"}}],
-                          "rule": {"in_a_row": 2}});
+                          "rule": {"in_a_row": 2}, "valid_from": "beginning"});
     centre.instructor.make("/api/v1/tasks/peg/standards", standard).await;
     let (ada, start) = (planter.trainee("ada").await, SystemClock.now_ms() - 60 * DAY_MS);
     for day in 0..2 {
