@@ -33,7 +33,7 @@ CREATE TABLE session_opening (
 CREATE INDEX session_opening_session ON session_opening (session_id);
 
 -- What a person no longer wants to see in their own list of what needs attention: of one kind, about a trainee at a task. It
--- covers the sessions listed in `attention_dismissal_session`, or the alarm that began at `since_ms`; what comes later is shown.
+-- covers the sessions listed in `attention_dismissal_session`, or the alarm that began at `since_ms`; later ones are shown.
 CREATE TABLE attention_dismissal (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- DismissalId
     person_id     TEXT NOT NULL REFERENCES person (id) ON DELETE CASCADE,    -- whose list

@@ -52,7 +52,7 @@ pub struct SessionFeedback {
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SeenFeedback {
-    /// The `latest_at` of the newest feedback that the person has seen: what came later stays new.
+    /// The `latest_at` of the newest feedback that the person has seen: later feedback stays new.
     #[schema(format = "date-time")]
     until: String,
 }
