@@ -283,8 +283,8 @@ export default {
     title: 'Neue Rückmeldungen',
     new: 'Neu',
     on: (task, recorded) => `${task}, ${recorded}`,
-    given: (ratings, comments) =>
-      [ratings && plural(ratings, 'Bewertung', 'Bewertungen'), comments && plural(comments, 'Kommentar', 'Kommentare')].filter(Boolean).join(', '),
+    ratings: n => plural(n, 'Bewertung', 'Bewertungen'),
+    comments: n => plural(n, 'Kommentar', 'Kommentare'),
     by: who => (who.length ? `von ${who.join(', ')}` : ''),
     more: n => plural(n, 'weitere Sitzung hat neue Rückmeldungen.', 'weitere Sitzungen haben neue Rückmeldungen.'),
     markAll: 'Alle als gesehen markieren',
@@ -1332,8 +1332,8 @@ export default {
     correlations: 'Welche Kennwerte korrelieren mit den Bewertungen?',
     adjusted: (people, asked) =>
       `Spearmans ρ zwischen jedem Kennwert und der Summe der Bewertung, über ${plural(people, 'Person', 'Personen')}, mit 95-%-Intervallen. ${plural(asked, 'Korrelation wurde', 'Korrelationen wurden')} zugleich geprüft: Von den als signifikant bezeichneten wäre weniger als eine von zwanzig Zufall.`,
-    sameItems: (items, others) =>
-      `${items ? `Verglichen werden nur Bewertungen derselben Merkmale: ${items}. ` : ''}${others ? `${plural(others, 'Bewertung', 'Bewertungen')} anderer Merkmale ausgelassen.` : ''}`,
+    sameItems: items => `Verglichen werden nur Bewertungen derselben Merkmale: ${items}.`,
+    otherItems: n => `${plural(n, 'Bewertung', 'Bewertungen')} anderer Merkmale ausgelassen.`,
     found: 'Signifikant',
     yes: 'ja',
     no: 'nein',

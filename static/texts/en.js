@@ -176,8 +176,8 @@ export default {
     title: 'New feedback',
     new: 'New',
     on: (task, recorded) => `${task}, ${recorded}`,
-    given: (ratings, comments) =>
-      [ratings && plural(ratings, 'rating', 'ratings'), comments && plural(comments, 'comment', 'comments')].filter(Boolean).join(', '),
+    ratings: n => plural(n, 'rating', 'ratings'),
+    comments: n => plural(n, 'comment', 'comments'),
     by: who => (who.length ? `by ${who.join(', ')}` : ''),
     more: n => plural(n, 'further session has new feedback.', 'further sessions have new feedback.'),
     markAll: 'Mark all as seen',
@@ -1222,8 +1222,8 @@ export default {
     correlations: 'Which features correlate with the ratings?',
     adjusted: (people, asked) =>
       `Spearman’s ρ between each feature and the total rating, over ${plural(people, 'person', 'people')}, with 95 % intervals. ${asked} correlations were tested at once: fewer than one in twenty of those marked significant would be chance.`,
-    sameItems: (items, others) =>
-      `${items ? `Only ratings of the same items are compared: ${items}. ` : ''}${others ? `${plural(others, 'rating', 'ratings')} of other items left out.` : ''}`,
+    sameItems: items => `Only ratings of the same items are compared: ${items}.`,
+    otherItems: n => `${plural(n, 'rating', 'ratings')} of other items left out.`,
     found: 'Significant',
     yes: 'yes',
     no: 'no',

@@ -27,7 +27,7 @@ const SAME_IN_BOTH = new Set([
   'rescoring.orderOf', 'rescoring.was', 'groups.state', 'groups.name', 'groups.noStandard', 'enrol.columns.name',
   'cohorts.name', 'courses.of', 'balance.of', 'certificate.standard', 'form.optional', 'units.none', 'watch.because',
   'standardForm.presetOf', 'today.announce', 'upload.announce', 'target.forWhom', 'record.keptHere', 'selfTest.partLight',
-  'selfTest.dayLight', 'trainee.point', 'trainee.judgements.plain',
+  'selfTest.dayLight', 'trainee.point', 'feedback.on', 'trainee.judgements.plain',
 ]);
 /** Lists whose length may differ between the languages. */
 const OF_ANY_LENGTH = ['enrol.headers.'];

@@ -36,12 +36,15 @@ function NewFeedback({ feedback }) {
       <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
       <ul class="queue">${feedback.items.map(item => html`<li key=${item.session}>
         <div><a href=${href(['sessions', item.session])}>${t.feedback.on(item.task.name, dateTime(item.recorded_at))}</a>
-          <span class="small muted">${[t.feedback.given(item.ratings, item.comments), t.feedback.by(item.who), dateTime(item.latest_at)]
-            .filter(Boolean).join(' · ')}</span></div>
+          <span class="small muted">${[givenText(item), t.feedback.by(item.who), dateTime(item.latest_at)].filter(Boolean).join(' · ')}</span></div>
         <span class="pill busy">${t.feedback.new}</span></li>`)}</ul>
       ${more > 0 && html`<p class="body small muted">${t.feedback.more(more)}</p>`}
     </section>`;
 }
+
+/** `2 ratings, 1 comment`. @param {Schemas['SessionFeedback']} item */
+const givenText = ({ ratings, comments }) =>
+  [ratings > 0 && t.feedback.ratings(ratings), comments > 0 && t.feedback.comments(comments)].filter(Boolean).join(', ');
 
 /** @param {Props} props */
 function LastResult({ session, isNew }) {

@@ -73,5 +73,8 @@ const Correlations = ({ correlations, form }) => html`
   </section>`;
 
 /** Which items the compared ratings judged, where that is not the whole form. @param {Props} props */
-const SameItems = ({ form, items, others }) => (others > 0 || (items.length > 0 && items.length < form.items.length)) && html`
-  <p class="small muted">${words.sameItems(form.items.filter(item => items.includes(item.name)).map(ratingItemTitle).join(', '), others)}</p>`;
+const SameItems = ({ form, items, others }) => {
+  const isPart = items.length > 0 && (others > 0 || items.length < form.items.length);
+  const titles = form.items.filter(item => items.includes(item.name)).map(ratingItemTitle).join(', ');
+  return isPart && html`<p class="small muted">${words.sameItems(titles)}${others > 0 && ` ${words.otherItems(others)}`}</p>`;
+};
