@@ -15,7 +15,9 @@ use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{account, attention, centre, first_steps, service};
 use super::{
-    boxes, cohorts, courses, dashboard, data_export, docs, events, features, feed, feedback, groups, health, jobs, observe, password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions, single_sign_on, tasks, tokens,
+    boxes, cohorts, courses, dashboard, data_export, docs, events, features, feed, feedback, groups, health, jobs,
+    observe, password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions, single_sign_on,
+    tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 

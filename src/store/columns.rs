@@ -27,9 +27,9 @@ use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, CommentId, CourseId, DismissalId, EditId, FeedId, GroupId, IdentityId, InstallationId, JobId,
-    LeaseToken, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, SelfTestId,
-    SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
+    BoxId, CalibrationId, CohortId, CommentId, CourseId, DismissalId, EditId, FeedId, GroupId, IdentityId,
+    InstallationId, JobId, LeaseToken, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId,
+    ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 use crate::motion::features::{self, Feature};
 use crate::time::Day;

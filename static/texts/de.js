@@ -1996,7 +1996,7 @@ export default {
     addTarget: 'Weiteres Ziel',
     drop: n => `Löschen: Ziel ${n}`,
     feature: 'Kennwert',
-    hand: 'Hand',
+    hand: 'Welche Hand',
     onlyTool: tool => `${tool} (nur an Boxen, die es haben)`,
     whole: 'Ganze Sitzung, beide Hände',
     start: 'Welche Aufnahmen er beurteilt',

@@ -115,8 +115,7 @@ impl FilledCentre {
 
     /// Something of this kind: of the caller (0) or of another group (1). With `new`, it is made for this request.
     pub async fn subject(&mut self, kind: &str, side: usize, caller: usize, new: bool) -> Subject {
-        let is_new =
-            new || matches!(kind, "comment" | "dismissal" | "sign-in" | "identity" | "followed" | "pending");
+        let is_new = new || matches!(kind, "comment" | "dismissal" | "sign-in" | "identity" | "followed" | "pending");
         let key = (kind.to_owned(), side);
         if !is_new && let Some(found) = self.known.get(&key) {
             return found.clone();
