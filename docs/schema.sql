@@ -118,6 +118,39 @@ CREATE TABLE "erasure" (
     at_ms  INTEGER NOT NULL CHECK (at_ms >= 0)                               -- when; of `pending` when it is due, epoch ms
 ) STRICT;
 
+CREATE TABLE error_list (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- ErrorListId
+    task_id       TEXT NOT NULL REFERENCES task (id) ON DELETE CASCADE,      -- the task
+    version       INTEGER NOT NULL CHECK (version >= 1),                     -- 1, 2, … within the task
+    items         TEXT NOT NULL CHECK (json_valid(items)),                   -- the items in their order ([ErrorItem])
+    person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who set it; NULL: the service, or deleted
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when set, epoch ms
+    UNIQUE (task_id, version)
+) STRICT;
+
+CREATE TABLE error_mark (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- ErrorMarkId
+    sheet_id      TEXT NOT NULL REFERENCES error_sheet (id) ON DELETE CASCADE, -- the sheet
+    item          TEXT NOT NULL CHECK (length(item) BETWEEN 1 AND 64),       -- the item's short name in the sheet's list
+    at_s          REAL CHECK (at_s BETWEEN 0 AND 86400),                     -- second of the recording, s; NULL: not at one moment
+    amount        REAL CHECK (amount BETWEEN 0 AND 1000000),                 -- in the item's unit; NULL: the item is counted, or yes or no
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when marked, epoch ms
+) STRICT;
+
+CREATE TABLE error_sheet (
+    id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- ErrorSheetId
+    session_id     TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,  -- the session; erased with it
+    list_id        TEXT NOT NULL REFERENCES error_list (id) ON DELETE CASCADE, -- the version of the list that it is filled in with
+    person_id      TEXT REFERENCES person (id) ON DELETE SET NULL,           -- the rater; NULL: deleted
+    time_s         REAL CHECK (time_s > 0 AND time_s <= 86400),              -- time that the rater measured, s; NULL: none was typed
+    is_blind       INTEGER CHECK (is_blind IN (0, 1)),                       -- 1: the rater could not see the sheets of others before; NULL: open
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),              -- when begun, epoch ms
+    finished_at_ms INTEGER CHECK (finished_at_ms >= created_at_ms),          -- when finished, epoch ms; NULL: open
+    replaced_at_ms INTEGER CHECK (replaced_at_ms >= finished_at_ms),         -- when a correction replaced it, epoch ms; NULL: it was not
+    CHECK ((finished_at_ms IS NULL) = (is_blind IS NULL)),
+    CHECK (finished_at_ms IS NOT NULL OR replaced_at_ms IS NULL)
+) STRICT;
+
 CREATE TABLE evidence (
     result_id TEXT PRIMARY KEY REFERENCES result (id) ON DELETE CASCADE,     -- of which result
     rows      TEXT NOT NULL CHECK (json_valid(rows) AND length(rows) <= 1048576) -- one row a feature ([EvidenceRow])
@@ -355,6 +388,17 @@ CREATE TABLE result (
     created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0)               -- when stored, epoch ms
 , calibration_id TEXT REFERENCES calibration (id) ON DELETE RESTRICT, palette_id TEXT REFERENCES palette (id) ON DELETE RESTRICT, width INTEGER CHECK (width BETWEEN 1 AND 65535), height INTEGER CHECK (height BETWEEN 1 AND 65535), diagnostics TEXT REFERENCES blob (hash) ON DELETE RESTRICT, tracked_with TEXT CHECK (length(tracked_with) BETWEEN 1 AND 64), edits INTEGER NOT NULL DEFAULT 0 CHECK (edits >= 0), clock TEXT CHECK (json_valid(clock)), time_revision INTEGER NOT NULL DEFAULT 0 CHECK (time_revision >= 0), left_tool TEXT CHECK (length(left_tool) BETWEEN 1 AND 64), right_tool TEXT CHECK (length(right_tool) BETWEEN 1 AND 64), trocar_middle_mm REAL) STRICT;
 
+CREATE TABLE score_formula (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- ScoreFormulaId
+    task_id       TEXT NOT NULL REFERENCES task (id) ON DELETE CASCADE,      -- the task
+    version       INTEGER NOT NULL CHECK (version >= 1),                     -- 1, 2, … within the task
+    definition    TEXT NOT NULL CHECK (json_valid(definition)),              -- cut-off, time, weights and scale (ScoreFormula)
+    valid_from    TEXT NOT NULL CHECK (length(valid_from) = 10),             -- first day of the sessions that it scores, such as 2026-11-21
+    person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who set it; NULL: the service, or deleted
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when set, epoch ms
+    UNIQUE (task_id, version)
+) STRICT;
+
 CREATE TABLE self_test (
     id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- SelfTestId
     box_id         TEXT NOT NULL REFERENCES training_box (id) ON DELETE CASCADE, -- of which box
@@ -553,6 +597,18 @@ CREATE UNIQUE INDEX course_step_once ON course_step (course_id, task_id, coalesc
 
 CREATE INDEX course_step_task ON course_step (task_id);
 
+CREATE INDEX error_list_person ON error_list (person_id);
+
+CREATE INDEX error_mark_sheet ON error_mark (sheet_id, at_s);
+
+CREATE INDEX error_sheet_list ON error_sheet (list_id);
+
+CREATE UNIQUE INDEX error_sheet_open ON error_sheet (session_id, person_id) WHERE finished_at_ms IS NULL;
+
+CREATE INDEX error_sheet_person ON error_sheet (person_id);
+
+CREATE INDEX error_sheet_session ON error_sheet (session_id, finished_at_ms);
+
 CREATE INDEX feature_named ON feature (name, result_id, tool, space, value, low, high);
 
 CREATE UNIQUE INDEX feature_once ON feature (result_id, name, coalesce(tool, ''), space);
@@ -637,6 +693,7 @@ CREATE INDEX result_preview ON result (preview);
 CREATE INDEX result_trajectory ON result (trajectory);
 
 CREATE INDEX result_trocar_middle ON result (calibration_id) WHERE trocar_middle_mm IS NOT NULL;
+CREATE INDEX score_formula_person ON score_formula (person_id);
 
 CREATE INDEX self_test_box ON self_test (box_id, id);
 
@@ -718,6 +775,8 @@ CREATE TRIGGER result_has_hands AFTER INSERT ON result BEGIN
     UPDATE result SET (left_tool, right_tool, trocar_middle_mm) =
         (SELECT left_tool, right_tool, trocar_middle_mm FROM tool_hand WHERE tool_hand.result_id = NEW.id)
     WHERE id = NEW.id;
+CREATE TRIGGER rater_leaves_no_open_sheet BEFORE DELETE ON person BEGIN
+    DELETE FROM error_sheet WHERE person_id = OLD.id AND finished_at_ms IS NULL;
 END;
 
 CREATE TRIGGER session_erased AFTER DELETE ON session BEGIN

@@ -90,6 +90,14 @@ ids! {
     RatingId;
     /// A comment on one moment of a session.
     CommentId;
+    /// One version of a task's list of error items.
+    ErrorListId;
+    /// One version of a task's score formula.
+    ScoreFormulaId;
+    /// A rater's error sheet of a session.
+    ErrorSheetId;
+    /// An error that a rater marked on a sheet.
+    ErrorMarkId;
     /// A change of a scored session.
     EditId;
     /// A move of a session to another trainee, task or box.

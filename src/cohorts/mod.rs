@@ -17,6 +17,7 @@
 //! | `series.rs` | one feature over these sessions: points, rank, curve |
 //! | `cache.rs` | recently computed charts and curves |
 //! | `raters.rs` | agreement of raters, and correlation of ratings with features |
+//! | `error_scores.rs` | error scores of sessions, and agreement of raters on error items |
 //! | `skill.rs` | a task's model of skill: training, and its verdict on a session |
 //! | `answer.rs` | answers in the form of the REST interface |
 //!
@@ -29,6 +30,7 @@ mod cache;
 mod courses;
 mod distribution;
 mod effect;
+mod error_scores;
 mod overview;
 mod people;
 mod progress;
@@ -53,6 +55,7 @@ use cache::ComputedCache;
 pub use courses::{CourseRow, GroupCourse, OwnCourse, StepPassed, StepProgress, StepState};
 pub use distribution::{Distribution, DistributionSelection, GroupSpread};
 pub use effect::{StandardEffect, TaskState, TraineeEffect};
+pub use error_scores::{ErrorAgreement, ErrorScoreAnswer, ItemAgreement};
 pub use overview::{GroupTable, GroupTableAnswer, GroupTableRow};
 pub use progress::{ProgressSelection, TraineeProgress};
 pub use propose::{Proposal, ProposedTarget};

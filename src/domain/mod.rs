@@ -19,6 +19,7 @@
 //! | [`evidence`] | the seconds of a recording that made a session's features |
 //! | [`advice`] | what to work on next, by rules |
 //! | [`rating`] | rating forms, and instructors' marks on them |
+//! | [`error_sheet`] | errors that raters count, and the score formula that weighs them |
 //! | [`clock`] | the time of a recording's frames, and how it is corrected |
 //! | [`comment`] | comments on a moment or a stretch of a session |
 //! | [`edit`] | edits of a scored session: trim, swap, set aside |
@@ -57,6 +58,7 @@ pub mod course;
 pub mod edit;
 pub mod enrolment;
 pub mod erasure;
+pub mod error_sheet;
 pub mod evidence;
 pub mod feature;
 pub mod feed;

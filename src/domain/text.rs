@@ -92,6 +92,8 @@ text! {
     Paragraphs: |text| lines("text", text, 10_000);
     /// A remark, such as a comment on a moment: 1 to 2000 characters; line breaks are allowed.
     Remark: remark;
+    /// The unit of a measured amount, such as `mm`: 1 to 12 characters on one line.
+    UnitName: |text| line("unit", text, 1, 12);
 }
 
 impl Code {

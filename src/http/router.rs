@@ -108,7 +108,7 @@ fn trainee_routes() -> OpenApiRouter<App> {
         .routes(routes!(data_export::trainee))
 }
 
-/// Tasks with their features, standards and models.
+/// Tasks with their features, standards, error items and models.
 fn task_routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(tasks::list, tasks::create))
@@ -121,6 +121,11 @@ fn task_routes() -> OpenApiRouter<App> {
         .routes(routes!(tasks::distribution))
         .routes(routes!(tasks::agreement))
         .routes(routes!(tasks::correlations))
+        .routes(routes!(tasks::error_examples))
+        .routes(routes!(tasks::error_lists, tasks::set_error_list))
+        .routes(routes!(tasks::score_formulas, tasks::set_score_formula))
+        .routes(routes!(tasks::preview_score_formula))
+        .routes(routes!(tasks::error_agreement))
         .routes(routes!(tasks::models, tasks::train_model))
         .routes(routes!(tasks::model))
 }
@@ -153,7 +158,7 @@ fn course_routes() -> OpenApiRouter<App> {
         .routes(routes!(courses::of_trainee))
 }
 
-/// Sessions: recordings, results, ratings, comments and edits.
+/// Sessions: recordings, results, ratings, comments, error sheets and edits.
 fn session_routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(sessions::list, sessions::send))
@@ -178,6 +183,11 @@ fn session_routes() -> OpenApiRouter<App> {
         .routes(routes!(feedback::feedback))
         .routes(routes!(feedback::mark_seen))
         .routes(routes!(feedback::open_session))
+        .routes(routes!(sessions::error_sheets, sessions::begin_error_sheet))
+        .routes(routes!(sessions::set_error_values, sessions::discard_error_sheet))
+        .routes(routes!(sessions::finish_error_sheet))
+        .routes(routes!(sessions::mark_error))
+        .routes(routes!(sessions::unmark_error))
         .routes(routes!(sessions::edits, sessions::edit))
         .routes(routes!(sessions::undo_edit))
         .routes(routes!(sessions::moves, sessions::move_session))

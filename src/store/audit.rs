@@ -69,6 +69,13 @@ const SELECT_ENTRIES: &str = "
         WHEN 'centre' THEN (SELECT name FROM centre)
         WHEN 'standard' THEN (SELECT name FROM task JOIN standard ON task_id = task.id
             WHERE standard.id = subject)
+        WHEN 'error_list' THEN (SELECT name FROM task JOIN error_list ON task_id = task.id
+            WHERE error_list.id = subject)
+        WHEN 'score_formula' THEN (SELECT name FROM task JOIN score_formula ON task_id = task.id
+            WHERE score_formula.id = subject)
+        WHEN 'error_sheet' THEN
+            (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
+                JOIN error_sheet ON session_id = session.id WHERE error_sheet.id = subject)
         WHEN 'rescoring' THEN (SELECT name FROM task JOIN rescoring ON task_id = task.id
             WHERE rescoring.id = subject)
         WHEN 'skill_model' THEN

@@ -27,9 +27,9 @@ use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, CommentId, CourseId, DismissalId, EditId, FeedId, GroupId, IdentityId,
-    InstallationId, JobId, LeaseToken, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId,
-    ResultId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
+    BoxId, CalibrationId, CohortId, CommentId, CourseId, DismissalId, EditId, ErrorListId, ErrorMarkId, ErrorSheetId, FeedId, GroupId, IdentityId, InstallationId, JobId,
+    LeaseToken, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, ScoreFormulaId,
+    SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 use crate::motion::features::{self, Feature};
 use crate::time::Day;
@@ -81,6 +81,7 @@ as_shown! {
     RescoringId ModelId EditId MoveId BlobHash Day Role Level Handedness CalibrationSource JobKind JobState
     FeatureSpace FrameCodec TrafficLight RatingForm SessionJudgement RescoringSource RescoringItemState EditKind
     BoxQuestion RecordedAtSource EarlyEndCause ErasedKind PasswordState LogoFormat DismissalId AttentionKind
+    ErrorListId ScoreFormulaId ErrorSheetId ErrorMarkId
 }
 
 as_stored! {

@@ -33,6 +33,9 @@
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
 //! | [`Store::feedback`] | `unseen` `new_results` `open` `mark_all_seen` `openings` |
 //! | [`Store::attention`] | `dismiss` `list` `dismissed_alarms` `undo` |
+//! | [`Store::error_lists`] | `add` `in_use` `list` |
+//! | [`Store::score_formulas`] | `add` `list` |
+//! | [`Store::error_sheets`] | `of_session` `begin` `open_items` `mark` `unmark` `set_values` `finish` `discard` `given` |
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
 //! | [`Store::session_moves`] | `of_session` `add` |
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
@@ -64,6 +67,8 @@ mod enrolment;
 mod erasures;
 mod error;
 mod feedback;
+mod error_lists;
+mod error_sheets;
 mod feeds;
 mod first_steps;
 mod groups;
@@ -123,6 +128,8 @@ pub use enrolment::{EnrolledTrainee, Enrolment, EnrolmentInvitations, EnrolmentO
 pub use erasures::ErasureStore;
 pub use error::{StoreError, StoreResult};
 pub use feedback::{FeedbackEntry, FeedbackStore, SessionOpening};
+pub use error_lists::{ErrorListRecord, ErrorListStore, ScoreFormulaRecord, ScoreFormulaStore};
+pub use error_sheets::{ErrorMarkRecord, ErrorSheetRecord, ErrorSheetStore, GivenErrorSheet, VisibleErrorSheets};
 pub use feeds::{FeedRow, FeedStore, NewFeed};
 pub use first_steps::{FirstStepsRecord, FirstStepsStore};
 pub use groups::{GroupRecord, GroupStore, Members};
@@ -424,6 +431,12 @@ accessors! {
     feedback: FeedbackStore;
     /// What staff dismissed from their lists of what needs attention.
     attention: AttentionStore;
+    /// Lists of error items of tasks.
+    error_lists: ErrorListStore;
+    /// Score formulas of tasks.
+    score_formulas: ScoreFormulaStore;
+    /// Error sheets of sessions.
+    error_sheets: ErrorSheetStore;
     /// Edits of scored sessions.
     edits: EditStore;
     /// Moves of sessions to the right trainee, task or box.

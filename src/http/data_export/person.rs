@@ -27,8 +27,8 @@ const ROUND: u32 = 50;
 /// Says what a person's export is.
 pub(super) const README: &str = "\
 This file holds what Trocar stores about one person. In the export of an instructor, the account, the audit trail and the
-groups of other instructors are left out. Staff get ratings and comments of others on a session only after they have rated
-it themselves; the person gets all.
+groups of other instructors are left out. Staff get ratings, comments and error sheets of others on a session only after
+they have rated it themselves; the person gets all.
 
 audit.json         who changed this person's data, and what this person changed and from where: the newest 10,000
                    entries, with the network addresses of this person only
@@ -43,6 +43,7 @@ sessions/…/        one folder for each session:
   session.json     recording, quality, features with their error bars, versions
   ratings.json     ratings on forms, with remarks
   comments.json    comments
+  error_sheets.json  errors that raters counted, and the score that they give
   edits.json       trims, corrections and answers of the staff, with reasons
   moves.json       moves of the session to another trainee, task or box
   path.csv         the path of the tools: millimetres and seconds
@@ -152,10 +153,12 @@ fn add_session(
     let edits = job.wait(app.store.edits().of_session(scope, id))?;
     let moves = job.wait(app.store.session_moves().of_session(scope, id))?;
     let (ratings, comments) = (job.wait(app.ratings_of(scope, id))?, job.wait(app.comments_of(scope, id))?);
+    let error_sheets = job.wait(app.error_sheets_of(scope, id))?;
     let shown = SessionResponse::of(session.clone(), scored.as_ref().map(|(result, _)| result.clone()));
     archive.add_json(&format!("{folder}session.json"), &shown)?;
     archive.add_json(&format!("{folder}ratings.json"), &ratings)?;
     archive.add_json(&format!("{folder}comments.json"), &comments)?;
+    archive.add_json(&format!("{folder}error_sheets.json"), &error_sheets)?;
     archive.add_json(&format!("{folder}edits.json"), &EditsResponse::from(edits))?;
     let moves: Vec<MoveResponse> =
         moves.into_iter().map(|made| MoveResponse::for_trainee(made, session.trainee_id)).collect();

@@ -1,7 +1,8 @@
-//! Sessions: recordings, their status, results, files, ratings, comments, edits and moves.
+//! Sessions: recordings, their status, results, files, ratings, comments, error sheets, edits and moves.
 
 mod comments;
 mod edits;
+mod error_sheets;
 mod evidence;
 mod features;
 mod files;
@@ -18,6 +19,7 @@ mod watched;
 
 pub use comments::*;
 pub use edits::*;
+pub use error_sheets::*;
 pub use evidence::*;
 pub use features::*;
 pub use files::*;

@@ -2,6 +2,7 @@
 //! their groups may change them.
 
 mod distribution;
+mod errors;
 mod features;
 mod models;
 mod raters;
@@ -10,6 +11,7 @@ mod standards;
 use axum::extract::State;
 use axum::http::StatusCode;
 pub use distribution::*;
+pub use errors::*;
 pub use features::*;
 pub use models::*;
 pub use raters::*;

@@ -9,6 +9,7 @@ use super::super::columns::integer;
 use super::super::comments::scale_comments;
 use super::super::edits::{revision, scale_edits, settle_box_question, time_in_force};
 use super::super::error::StoreResult;
+use super::super::error_sheets::scale_marks;
 use super::super::palettes::{self, PaletteRecord};
 use super::super::sessions::evidence;
 use super::super::{StoreError, blobs, self_tests, surroundings};
@@ -39,7 +40,7 @@ impl JobStore<'_> {
     /// scored again.
     ///
     /// Nothing is stored if the times were corrected meanwhile, since that edit has queued its own job. If the result has
-    /// other times than the one before, edits and comments follow it.
+    /// other times than the one before, edits, comments and marks of errors follow it.
     pub async fn finish_track(&self, held: &Lease, result: NewResult) -> StoreResult<()> {
         let session = held.job.session_id.ok_or_else(|| wrong_kind("a session"))?;
         let time_revision = match &held.job.input {
@@ -61,6 +62,7 @@ impl JobStore<'_> {
                 if is_new && ratio != 1.0 {
                     scale_edits(tx, session, ratio).await?;
                     scale_comments(tx, session, ratio).await?;
+                    scale_marks(tx, session, ratio).await?;
                 }
                 settle_box_question(tx, session).await?;
                 enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;

@@ -13,6 +13,7 @@ mod data_export;
 mod documents;
 mod edits;
 mod erasures;
+mod error_sheets;
 mod exchange;
 mod feedback;
 pub mod full_disk;
