@@ -257,6 +257,18 @@ export const api = {
      * @param {AbortSignal} [signal]
      */
     distribution: (id, query, signal) => request('GET', ['tasks', id, 'distribution'], { query, signal }),
+    /** Newest first; the first is the one in use. @param {string} id @param {AbortSignal} [signal] */
+    errorLists: (id, signal) => request('GET', ['tasks', id, 'error-lists'], { signal }).then(page => page.items),
+    /** @param {string} id @param {ApiBody<'POST', ['tasks', string, 'error-lists']>} json */
+    setErrorList: (id, json) => request('POST', ['tasks', id, 'error-lists'], { json }),
+    /** Newest first. @param {string} id @param {AbortSignal} [signal] */
+    scoreFormulas: (id, signal) => request('GET', ['tasks', id, 'score-formulas'], { signal }).then(page => page.items),
+    /** @param {string} id @param {ApiBody<'POST', ['tasks', string, 'score-formulas']>} json */
+    setScoreFormula: (id, json) => request('POST', ['tasks', id, 'score-formulas'], { json }),
+    /** @param {string} id @param {ApiBody<'POST', ['tasks', string, 'score-formulas', 'previews']>} json */
+    tryScoreFormula: (id, json) => request('POST', ['tasks', id, 'score-formulas', 'previews'], { json }),
+    /** Whether raters agree on the error items. @param {string} id @param {AbortSignal} [signal] */
+    errorAgreement: (id, signal) => request('GET', ['tasks', id, 'error-agreement'], { signal }),
     /** @param {string} id @param {ApiBody<'POST', ['tasks', string, 'rescorings']>} json */
     rescore: (id, json) => request('POST', ['tasks', id, 'rescorings'], { json }),
   },
@@ -332,6 +344,8 @@ export const api = {
   audit: (query, signal) => request('GET', ['audit-entries'], { query, signal }),
   /** The catalogue of features that can be measured. @param {AbortSignal} [signal] */
   features: signal => request('GET', ['features'], { signal }).then(page => page.items),
+  /** Lists of error items with formulas, to start from. @param {AbortSignal} [signal] */
+  errorExamples: signal => request('GET', ['error-examples'], { signal }).then(page => page.items),
   /** The forms for rating sessions. @param {AbortSignal} [signal] */
   ratingForms: signal => request('GET', ['rating-forms'], { signal }).then(page => page.items),
   /**
@@ -446,6 +460,20 @@ export const api = {
     ratings: (id, signal) => request('GET', ['sessions', id, 'ratings'], { signal }),
     /** @param {string} id @param {ApiBody<'POST', ['sessions', string, 'ratings']>} json */
     rate: (id, json) => request('POST', ['sessions', id, 'ratings'], { json }),
+    /** The error sheets of a session, and the score that they give. @param {string} id @param {AbortSignal} [signal] */
+    errorSheets: (id, signal) => request('GET', ['sessions', id, 'error-sheets'], { signal }),
+    /** Begins the own sheet, or a correction of it. @param {string} id */
+    beginErrorSheet: id => request('POST', ['sessions', id, 'error-sheets']),
+    /** @param {string} id @param {ApiBody<'PUT', ['sessions', string, 'error-sheet']>} json */
+    setErrorValues: (id, json) => request('PUT', ['sessions', id, 'error-sheet'], { json }),
+    /** @param {string} id */
+    finishErrorSheet: id => request('POST', ['sessions', id, 'error-sheet', 'finish']),
+    /** @param {string} id */
+    discardErrorSheet: id => request('DELETE', ['sessions', id, 'error-sheet']),
+    /** @param {string} id @param {ApiBody<'POST', ['sessions', string, 'error-marks']>} json */
+    markError: (id, json) => request('POST', ['sessions', id, 'error-marks'], { json }),
+    /** @param {string} id @param {string} mark */
+    unmarkError: (id, mark) => request('DELETE', ['sessions', id, 'error-marks', mark]),
     /** Opens the live stream of a session that is arriving. @param {string} id @param {ApiQuery} [query] */
     watch: (id, query) => new WebSocket(socketAddress(['sessions', id, 'live'], query)),
     /** @param {string} id */

@@ -25,6 +25,11 @@
       parts/session/outcome_card.js parts/session/quality.js parts/session/ratings.js parts/session/review.js
       parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js parts/tasks/hand_choice.js watch.js
       with_error.js`,
+      parts/session/edit_dialog.js parts/session/edits.js parts/session/error_score.js
+      parts/session/error_sheet.js parts/session/error_sheets.js parts/session/evidence.js parts/session/features.js
+      parts/session/ghost.js parts/session/moves.js parts/session/outcome_card.js parts/session/quality.js
+      parts/session/ratings.js parts/session/review.js parts/session/skill.js parts/session/span_bar.js
+      parts/session/verdict.js parts/tasks/hand_choice.js watch.js with_error.js`,
     trainee: `
       csv.js format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js
       parts/charts/progress_plot.js parts/courses/course_state.js parts/courses/own_courses.js
@@ -33,10 +38,11 @@
       parts/tasks/space_choice.js parts/tasks/standard.js with_error.js`,
     task: `
       format.js pages/task.js parts/charts/axis.js parts/charts/spread_plot.js parts/forms/dialog.js
-      parts/forms/focus.js parts/page/status.js parts/tasks/hand_choice.js parts/tasks/raters.js
+      parts/forms/focus.js parts/page/status.js parts/session/error_score.js parts/tasks/error_list_form.js
+      parts/tasks/errors.js parts/tasks/hand_choice.js parts/tasks/raters.js parts/tasks/score_formula_form.js
       parts/tasks/rescorings.js parts/tasks/skill_model.js parts/tasks/space_choice.js parts/tasks/spread.js
       parts/tasks/standard.js parts/tasks/standard_effect.js parts/tasks/standard_form.js
-      parts/tasks/standard_target.js`,
+      parts/tasks/standard_target.js with_error.js`,
   };
   const ROOT = new URL('.', /** @type {HTMLScriptElement} */ (document.currentScript).src).pathname; // The folder of this version's files.
   const LANGUAGES = ['en', 'de'];

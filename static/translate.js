@@ -37,6 +37,15 @@ export const exerciseTitle = ({ preset, title }) => translationOf('exercises', p
 /** Why there is no number. */
 export const reasonText = ({ reason, detail }) => translationOf('withheld', reason) ?? detail;
 
+/** Why a session has no error score. @param {{ reason: string, detail: string }} none */
+export const noErrorScoreText = ({ reason, detail }) => translationOf('noErrorScores', reason) ?? detail;
+
+/** Name and hint of an item of an example, in the page's language. @param {Schemas['ErrorItem']} item */
+export const exampleItemText = ({ item, name, hint }) => translationOf('errorItems', item) ?? [name, hint];
+
+/** The note of an example's formula. @param {string | null | undefined} note */
+export const exampleNote = note => translations?.errorNote ?? note;
+
 export const ratingItemTitle = ({ name, title }) => translationOf('items', name)?.[0] ?? title;
 
 /** In the service's own form: which published item it is taken from; null otherwise. @param {Schemas['ItemInfo']} item */

@@ -4,7 +4,7 @@
 //! session had arrived: the day that its sender claims would let a trainee choose the formula. **Agreement** uses blind
 //! finished sheets. For each item a person counts once, with the newest session that all of the same raters have
 //! judged. Counts and amounts have an intraclass correlation; counts and items of yes or no also have the share of
-//! people for whom all raters gave the same value.
+//! people who got the same value from all raters.
 
 use std::collections::BTreeMap;
 
@@ -14,8 +14,7 @@ use utoipa::ToSchema;
 use super::answer::{IntervalEstimate, Withheld};
 use super::{Cohorts, CohortsError};
 use crate::domain::error_sheet::{
-    ErrorItem, ErrorItemKind, MeasuredTime, NoErrorScore, ScoreFormula, ScoreTime, ScoredSession, SheetToScore,
-    values_of,
+    ErrorItem, ErrorItemKind, ErrorScore, MeasuredTime, NoErrorScore, ScoreFormula, ScoreTime, SheetToScore, values_of,
 };
 use crate::domain::scope::Scope;
 use crate::domain::session::{BoxQuestion, FeatureSpace};
@@ -35,7 +34,7 @@ pub struct ErrorScoreAnswer {
     /// The version of the task's formula; `None` if none is valid, or if it was only tried.
     pub formula: Option<ScoreFormulaRecord>,
     /// The score.
-    pub score: Result<ScoredSession, NoErrorScore>,
+    pub score: Result<ErrorScore, NoErrorScore>,
 }
 
 /// Agreement of the raters of a task's sessions on the items of its error list.
@@ -68,7 +67,7 @@ pub struct ItemAgreement {
     pub single: Option<IntervalEstimate>,
     /// Why there is no ICC.
     pub withheld: Option<Withheld>,
-    /// Share of people for whom all raters gave the same value; `null` for amounts, and with too few people.
+    /// Share of people who got the same value from all raters; `null` for amounts, and with too few people.
     pub same: Option<IntervalEstimate>,
 }
 
@@ -98,7 +97,7 @@ impl Cohorts {
         session: &SessionRecord,
         sheets: &VisibleErrorSheets,
         formula: &ScoreFormula,
-    ) -> Result<Result<ScoredSession, NoErrorScore>, CohortsError> {
+    ) -> Result<Result<ErrorScore, NoErrorScore>, CohortsError> {
         if session.is_set_aside {
             return Ok(Err(NoErrorScore::SetAside));
         }

@@ -10,6 +10,7 @@ import { problemTitle } from '../translate.js';
 import { Confirm } from '../parts/forms/dialog.js';
 import { BoxQuestion } from '../parts/session/box_question.js';
 import { Retimed, SetAside } from '../parts/session/edits.js';
+import { LiveErrors } from '../parts/session/error_sheets.js';
 import { LiveFeatures, LiveView } from '../parts/live/live_view.js';
 import { MoveButton, Moves } from '../parts/session/moves.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
@@ -52,7 +53,8 @@ export default function Session({ person, route }) {
     <//>
     <div class="stack">
       <${Announce}>${t.status[stateOf(session)]}<//>
-      ${session.status === 'receiving' && html`<${LiveView} session=${session} onClosed=${reload} />`}
+      ${session.status === 'receiving' && html`<${LiveView} session=${session} onClosed=${reload}
+        under=${watch => html`<${LiveErrors} session=${session} person=${person} watch=${watch} />`} />`}
       ${isBeingScored(session) && html`<${Waiting} session=${session} progress=${progress} />`}
       ${isBeingScored(session) && session.live_features && html`<${InterimFeatures} features=${session.live_features} />`}
       ${session.status === 'failed' && html`<${ProblemNotice}

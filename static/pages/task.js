@@ -1,4 +1,4 @@
-// One task: its standard, the distribution of its values, its skill model, its raters, and rescoring.
+// One task: its standard, the distribution of its values, its errors and their score, its skill model, its raters, and rescoring.
 import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
@@ -7,6 +7,7 @@ import { href } from '../router.js';
 import { t } from '../texts.js';
 import { focusSoon } from '../parts/forms/focus.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
+import { ErrorsOfTask } from '../parts/tasks/errors.js';
 import { RatersDialog } from '../parts/tasks/raters.js';
 import { Rescorings } from '../parts/tasks/rescorings.js';
 import { SkillModel } from '../parts/tasks/skill_model.js';
@@ -49,6 +50,7 @@ export default function TaskPage({ person, route }) {
       ${form ? html`<${StandardForm} data=${data} first=${form.first} mayMake=${isAdministrator} onSet=${finish}
         onCancel=${close} />` : html`<${Standard} standard=${standardInUse(standards)} onSet=${task.may_change && (() => open(null))} />`}
       <${Spread} data=${data} onTake=${task.may_change && open} />
+      <${ErrorsOfTask} key=${task.id} task=${task} person=${person} />
       <${OtherSections} task=${task} standards=${standards} person=${person} />
     </div>`;
 }

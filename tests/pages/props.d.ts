@@ -27,6 +27,8 @@ declare global {
     ratings: Schemas['RatingsResponse'];
     route: { path: string[]; query: URLSearchParams; params: Record<string, string> };
     session: Schemas['SessionResponse'];
+    sheet: Schemas['ErrorSheetResponse'];
+    sheets: Schemas['ErrorSheetResponse'][];
     sessions: Schemas['TraineeProgressResponse']['sessions'];
     standard: Schemas['StandardResponse'];
     standards: Schemas['StandardResponse'][];

@@ -198,7 +198,7 @@ pub struct ScorePart {
 
 /// A session's score with all of its parts.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
-pub struct ScoredSession {
+pub struct ErrorScore {
     /// The score.
     pub value: f64,
     /// Lower end of its error bar: the sheet with the fewest points at the upper end of the time's 95 % bar. `null` if
@@ -291,7 +291,7 @@ impl ScoreFormula {
         &self,
         sheets: &[SheetToScore],
         measured: Result<MeasuredTime, NoErrorScore>,
-    ) -> Result<ScoredSession, NoErrorScore> {
+    ) -> Result<ErrorScore, NoErrorScore> {
         let newest = sheets.last().ok_or(NoErrorScore::NoSheet)?;
         let points: Vec<Result<SheetPoints, NoErrorScore>> = sheets.iter().map(|sheet| self.points(sheet)).collect();
         let left_out = points.iter().filter(|points| points.is_err()).count();
@@ -317,7 +317,7 @@ impl ScoreFormula {
         let parts = self.parts(newest, &complete);
         let (cut_off_s, sheets) = (self.cut_off_s, complete.len());
         let value = self.finish(raw);
-        Ok(ScoredSession {
+        Ok(ErrorScore {
             value,
             low,
             high,

@@ -15,8 +15,8 @@ use utoipa::ToSchema;
 
 pub use examples::ErrorExample;
 pub use formula::{
-    ItemWeight, MAX_CUT_OFF_S, MeasuredTime, NewScoreFormula, NoErrorScore, ScoreFormula, ScorePart, ScoreScale,
-    ScoreTime, ScoredSession, SheetToScore,
+    ErrorScore, ItemWeight, MAX_CUT_OFF_S, MeasuredTime, NewScoreFormula, NoErrorScore, ScoreFormula, ScorePart,
+    ScoreScale, ScoreTime, SheetToScore,
 };
 
 use super::named;

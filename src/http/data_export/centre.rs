@@ -15,7 +15,7 @@ use crate::http::courses::CoursePlan;
 use crate::http::groups::GroupResponse;
 use crate::http::people::PersonResponse;
 use crate::http::service::AuditChange;
-use crate::http::tasks::{StandardResponse, TaskResponse};
+use crate::http::tasks::{ErrorListResponse, ScoreFormulaResponse, StandardResponse, TaskResponse};
 use crate::ids::{CohortId, TraineeId};
 use crate::store::{Page, PageRequest, StoreResult};
 
@@ -29,22 +29,24 @@ restored.
 centre.json        name of the centre, and its logo beside it
 accounts.json      accounts, without their passwords
 groups.json        groups and their members
-tasks.json         tasks, with the versions of their standards
+tasks.json         tasks, with the versions of their standards, error items and score formulas
 courses.json       course plans
 cohorts.json       cohorts and their members
 boxes.json         boxes, with their latest camera and colours
 audit.json         who changed what, and the network address of each
 trainees/CODE/     one folder for each trainee; its files are listed below
 
-Ratings and comments of others on a session are left out unless the person who exports has rated it.
+Ratings, comments and error sheets of others on a session are left out unless the person who exports has rated it.
 
 ";
 
-/// A task with the versions of its standard.
+/// A task with the versions of its standard, of its error items and of its score formula.
 #[derive(Serialize)]
-struct TaskWithStandards {
+struct TaskWithVersions {
     task: TaskResponse,
     standards: Vec<StandardResponse>,
+    error_lists: Vec<ErrorListResponse>,
+    score_formulas: Vec<ScoreFormulaResponse>,
 }
 
 /// A cohort with the ids of its members.
@@ -79,7 +81,13 @@ pub(super) fn add(job: &ExportJob, archive: &mut Archive) -> Result<(), ExportFa
             let found = unless_gone(job.wait(store.standards().list(scope, task.id)))?;
             let Some(standards) = found else { return Ok(()) };
             let standards = standards.into_iter().map(|standard| StandardResponse::new(standard, scope)).collect();
-            tasks.push(TaskWithStandards { task: TaskResponse::new(task, scope), standards });
+            let lists = job.wait(store.error_lists().list(scope, task.id))?;
+            let error_lists = lists.into_iter().map(|list| ErrorListResponse::new(list, scope)).collect();
+            let formulas = job.wait(store.score_formulas().list(scope, task.id))?;
+            let score_formulas =
+                formulas.into_iter().map(|formula| ScoreFormulaResponse::new(formula, scope)).collect();
+            let task = TaskResponse::new(task, scope);
+            tasks.push(TaskWithVersions { task, standards, error_lists, score_formulas });
             Ok(())
         },
     )?;

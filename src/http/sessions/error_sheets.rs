@@ -7,7 +7,7 @@ use utoipa::ToSchema;
 
 use crate::cohorts::ErrorScoreAnswer;
 use crate::domain::error_sheet::{
-    ErrorItem, ItemValue, NewErrorMark, NewSheetValues, NoErrorScore, ScoredSession, values_of,
+    ErrorItem, ErrorScore, ItemValue, NewErrorMark, NewSheetValues, NoErrorScore, values_of,
 };
 use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::{Member, Staff};
@@ -80,7 +80,7 @@ pub struct ErrorScoreResponse {
     /// The version of the task's formula; `null` if none is valid on the day of the session, or if a formula was tried.
     formula: Option<ScoreFormulaResponse>,
     /// The score with its parts; `null` if `none` says why.
-    score: Option<ScoredSession>,
+    score: Option<ErrorScore>,
     /// Why there is no score.
     none: Option<NoScoreResponse>,
 }
@@ -124,7 +124,7 @@ impl ErrorSheetResponse {
 
 impl ErrorScoreResponse {
     /// The score by a formula that was tried.
-    pub(in crate::http) fn tried(score: Result<ScoredSession, NoErrorScore>) -> Self {
+    pub(in crate::http) fn tried(score: Result<ErrorScore, NoErrorScore>) -> Self {
         let none = score.as_ref().err().map(|reason| NoScoreResponse { reason: *reason, detail: reason.detail() });
         Self { formula: None, score: score.ok(), none }
     }

@@ -185,7 +185,7 @@ pub async fn preview_score_formula(
 /// Read the agreement of raters on a task's error items
 ///
 /// Intraclass correlations (two-way random effects, absolute agreement) of counts and amounts, and for counts and items
-/// of yes or no the share of people for whom all raters gave the same value, with 95 % intervals. They use blind
+/// of yes or no the share of people who got the same value from all raters, with 95 % intervals. They use blind
 /// finished sheets of people who were judged by the same raters; each person counts once, with the newest such session.
 /// Limited to people that the caller may see.
 #[utoipa::path(get, path = "/tasks/{id}/error-agreement", tag = "ratings",

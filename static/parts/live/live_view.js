@@ -15,8 +15,8 @@ import { placementFault } from './placement.js';
 
 const words = t.watch;
 
-/** @param {Props} props */
-export function LiveView({ session, onClosed }) {
+/** `under(watch)` is shown below the picture. @param {Props} props */
+export function LiveView({ session, under, onClosed }) {
   const watch = useLiveWatch(session.id, onClosed);
   const { track } = watch;
   return html`
@@ -32,6 +32,7 @@ export function LiveView({ session, onClosed }) {
             <${Elapsed} watch=${watch} />
           </div>
         </section>
+        ${under(watch)}
         <${Interrupted} session=${session} watch=${watch} />
         ${watch.isBehind && html`<${Notice} tone="warn" title=${words.behind}>${words.behindBody}<//>`}
         ${!watch.why && html`<section class="card features">

@@ -8,6 +8,7 @@ import { t } from '../../texts.js';
 import { Advice } from './advice.js';
 import { Comments } from './comments.js';
 import { Edits } from './edits.js';
+import { ReviewedErrors } from './error_sheets.js';
 import { Features } from './features.js';
 import { GhostChooser, useGhost } from './ghost.js';
 import { Notice } from '../page/notice.js';
@@ -64,6 +65,7 @@ export function Review({ session, person, trajectory, edits, start, onEdited }) 
           ${track && html`<${Readouts} track=${track} playback=${playback} />`}
           ${(track || played !== false) && html`<p class="small muted keys">${words.keys}</p>`}
         </section>
+        <${ReviewedErrors} session=${session} person=${person} playback=${playback} />
         ${track && html`<${Card} title=${words.space} place="third"><${Path3d} track=${track} playback=${playback}
           hidden=${hidden} ghost=${ghost} /><//>`}
         <div class="said-of stack">
