@@ -18,7 +18,7 @@ CREATE TABLE score_formula (
     task_id       TEXT NOT NULL REFERENCES task (id) ON DELETE CASCADE,      -- the task
     version       INTEGER NOT NULL CHECK (version >= 1),                     -- 1, 2, … within the task
     definition    TEXT NOT NULL CHECK (json_valid(definition)),              -- cut-off, time, weights and scale (ScoreFormula)
-    valid_from    TEXT NOT NULL CHECK (length(valid_from) = 10),             -- first day of the sessions that it scores, such as 2026-11-21
+    valid_from    TEXT CHECK (length(valid_from) = 10),                      -- first day of the sessions that it scores, such as 2026-11-21; NULL: all
     person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who set it; NULL: the service, or deleted
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when set, epoch ms
     UNIQUE (task_id, version)

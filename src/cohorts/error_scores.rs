@@ -82,7 +82,8 @@ impl Cohorts {
         let versions = self.store.score_formulas().list(scope, session.task_id).await?;
         let day = Day::of(session.created_at_ms);
         let is_empty = versions.is_empty();
-        let Some(formula) = versions.into_iter().find(|version| version.valid_from <= day) else {
+        let Some(formula) = versions.into_iter().find(|version| version.valid_from.is_none_or(|first| first <= day))
+        else {
             let why = if is_empty { NoErrorScore::NoFormula } else { NoErrorScore::NotValidYet };
             return Ok(ErrorScoreAnswer { formula: None, score: Err(why) });
         };

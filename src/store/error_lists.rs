@@ -50,8 +50,8 @@ pub struct ScoreFormulaRecord {
     /// What it computes.
     #[sqlx(json)]
     pub definition: ScoreFormula,
-    /// The first day of the sessions that it scores.
-    pub valid_from: Day,
+    /// The first day of the sessions that it scores; `None`: it scores all.
+    pub valid_from: Option<Day>,
     /// Name of the person who set it; `None` if a program did, or the account has been deleted.
     pub who: Option<String>,
     /// When it was set, epoch ms.
@@ -124,7 +124,7 @@ impl ScoreFormulaStore<'_> {
         scope: &Scope,
         of: TaskId,
         definition: ScoreFormula,
-        valid_from: Day,
+        valid_from: Option<Day>,
     ) -> StoreResult<ScoreFormulaRecord> {
         self.0.tasks().changeable(scope, &Key::from(&of)).await?;
         let newest = self.newest(scope, of).await?;

@@ -149,8 +149,8 @@ pub struct NewScoreFormula {
     #[serde(default)]
     #[schema(value_type = Option<String>)]
     pub note: Option<Name>,
-    /// The first day of the sessions that it scores, such as `2026-11-21`; absent: today. Sessions that arrived earlier
-    /// keep the version before.
+    /// The first day of the sessions that it scores, such as `2026-11-21`. Sessions that arrived earlier keep the version
+    /// before. Absent: today, and for the task's first version all sessions.
     #[serde(default)]
     pub valid_from: Option<Day>,
 }
@@ -262,14 +262,14 @@ impl NewScoreFormula {
 }
 
 impl NewScoreFormula {
-    /// The first day of the sessions that it scores.
+    /// The first day of the sessions that it scores; `None`: it scores all.
     ///
     /// # Errors
     /// A day that is not within ten years of today: it is mistyped.
-    pub fn first_day(&self, today: Day) -> Result<Day, Invalid> {
-        let day = self.valid_from.unwrap_or(today);
+    pub fn first_day(&self, today: Day, is_first_version: bool) -> Result<Option<Day>, Invalid> {
+        let Some(day) = self.valid_from.or((!is_first_version).then_some(today)) else { return Ok(None) };
         match day <= today.plus_days(MAX_DAYS) && today <= day.plus_days(MAX_DAYS) {
-            true => Ok(day),
+            true => Ok(Some(day)),
             false => Err(Invalid::new("valid_from", format!("is {day}; expected a day within ten years of {today}"))),
         }
     }

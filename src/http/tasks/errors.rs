@@ -38,9 +38,9 @@ pub struct ScoreFormulaResponse {
     id: ScoreFormulaId,
     /// 1, 2, … within the task.
     version: i64,
-    /// The first day of the sessions that it scores. A session is scored by the highest version that is valid on the
-    /// day on which the session arrived.
-    valid_from: Day,
+    /// The first day of the sessions that it scores; `null`: all. A session is scored by the highest version that is
+    /// valid on the day on which the session arrived.
+    valid_from: Option<Day>,
     #[serde(flatten)]
     definition: ScoreFormula,
     /// Name of the person who set it; `null` for trainees, and if the person was deleted.
@@ -139,7 +139,8 @@ pub async fn score_formulas(
 /// Set a task's score formula
 ///
 /// The score is the cut-off time − time − the errors, each times its weight; then it is scaled. The result is the next
-/// version, unless the newest version is the same. It scores sessions that arrive on `valid_from` or later. For
+/// version, unless the newest version is the same. It scores sessions that arrive on `valid_from` or later;
+/// without that day, a task's first version scores all sessions. For
 /// administrators and the instructors of the task's groups.
 #[utoipa::path(post, path = "/tasks/{id}/score-formulas", tag = "ratings",
     params(("id" = String, Path, description = "id or code")), request_body = NewScoreFormula,
@@ -151,7 +152,8 @@ pub async fn set_score_formula(
     Json(new): Json<NewScoreFormula>,
 ) -> HandlerResult<Created<ScoreFormulaResponse>> {
     let of = app.store.tasks().changeable(&by.scope, &key).await?.id;
-    let first_day = new.first_day(Day::of(app.clock.now_ms()))?;
+    let is_first = app.store.score_formulas().list(&by.scope, of).await?.is_empty();
+    let first_day = new.first_day(Day::of(app.clock.now_ms()), is_first)?;
     let definition = new.checked(&app.items_in_use(&by.scope, of).await?)?;
     let formula = app.store.score_formulas().add(&by.scope, of, definition, first_day).await?;
     let location = format!("/api/v1/tasks/{of}/score-formulas");

@@ -48,7 +48,7 @@ export function ErrorScore({ answer, tried }) {
         </tbody>
       </table>
       <p class="small muted">${words.madeOf(score.sheets, score.left_out)} ${score.low === null ? words.noBar : words.bar(score.sheets)}</p>
-      ${answer.formula && html`<p class="small muted">${words.byVersion(answer.formula.version, calendarDay(answer.formula.valid_from))}${
+      ${answer.formula && html`<p class="small muted">${words.byVersion(answer.formula.version, answer.formula.valid_from && calendarDay(answer.formula.valid_from))}${
         answer.formula.note && ` ${answer.formula.note}`}</p>`}
     </div>`;
 }

@@ -51,7 +51,7 @@ function ErrorSheets({ session, person, now, goTo }) {
         ${data.hidden > 0 && html`<p class="small muted">${words.hidden(data.hidden)}</p>`}
         ${data.open && html`<${ErrorSheetForm} key=${data.open.id} session=${session} sheet=${data.open} now=${now} goTo=${goTo} onDone=${done} />`}
         ${data.items.length > 0 && html`<${FinishedSheets} sheets=${data.items} goTo=${goTo} />`}
-        ${!data.open && session.status !== 'receiving' && html`<${ErrorScore} answer=${data.score} />`}
+        ${!data.open && !data.hidden && session.status !== 'receiving' && html`<${ErrorScore} answer=${data.score} />`}
         ${!data.items.length && !data.hidden && !data.open && data.score.none?.reason !== 'no_sheet' && html`<p class="muted">${words.notRated}</p>`}
       </div>
     </section>`;

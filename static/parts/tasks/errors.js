@@ -44,7 +44,7 @@ export function ErrorsOfTask({ task, person }) {
         ${saved && html`<${Notice} tone="good" quiet title=${saved} />`}
         ${open === 'items' && html`<${ErrorListForm} task=${task} items=${items} onSet=${takeItems} onCancel=${() => close()} />`}
         ${open === 'formula' && html`<${ScoreFormulaForm} task=${task} items=${example?.items ?? items} first=${example?.formula ?? data.formulas[0]}
-          isExample=${Boolean(example)} onSet=${made => close(words.formulaIsSet(made.version))} onCancel=${() => close()} />`}
+          isExample=${Boolean(example)} isFirst=${!data.formulas.length} onSet=${made => close(words.formulaIsSet(made.version))} onCancel=${() => close()} />`}
         ${!open && (list ? html`<${Lists} lists=${data.lists} />` : html`<p class="muted">${task.may_change ? words.noItemsBody : words.noItems}</p>`)}
         ${!open && items.length > 0 && html`<${Formulas} formulas=${data.formulas} items=${data.lists.flatMap(one => one.items)} />`}
         ${!open && items.length > 0 && person.role !== 'trainee' && html`<${ErrorAgreement} task=${task} version=${list.version} />`}
@@ -75,10 +75,10 @@ const Items = ({ items }) => html`
 /** @param {Props} props */
 const Formulas = ({ formulas: [newest, ...earlier], items }) => html`
   <h3>${words.formula}</h3>
-  ${newest ? html`<p class="muted">${setBy(newest)}; ${words.validFrom(calendarDay(newest.valid_from))}</p>
+  ${newest ? html`<p class="muted">${setBy(newest)}; ${words.validFrom(newest.valid_from && calendarDay(newest.valid_from))}</p>
     <${Formula} formula=${newest} items=${items} />
     <${Earlier} versions=${earlier} title=${words.earlierFormulas} show=${one => html`
-      <p class="muted">${words.validFrom(calendarDay(one.valid_from))}</p><${Formula} formula=${one} items=${items} />`} />`
+      <p class="muted">${words.validFrom(one.valid_from && calendarDay(one.valid_from))}</p><${Formula} formula=${one} items=${items} />`} />`
     : html`<p class="muted">${words.noFormula}</p>`}`;
 
 /** The formula in one line, and what people should know of it. */

@@ -12,7 +12,7 @@ const words = t.errors;
 const today = () => new Date(Date.now() - new Date().getTimezoneOffset() * 60_000).toISOString().slice(0, 10);
 
 /** `first`: the formula that the form begins with. @param {Props} props */
-export function ScoreFormulaForm({ task, items, first, isExample, onSet, onCancel }) {
+export function ScoreFormulaForm({ task, items, first, isExample, isFirst, onSet, onCancel }) {
   const form = useRef(null);
   const [problem, setProblem] = useState(null);
   const [busy, setBusy] = useState(false);
@@ -45,7 +45,8 @@ export function ScoreFormulaForm({ task, items, first, isExample, onSet, onCance
           <${Field} ...${points} name="maximum" label=${words.maximum} required value=${first?.scale?.maximum ?? 100} />`}
         <${Field} type="checks" name="limits" label=${words.limits} options=${[['not_below_zero', words.notBelowZero], ...(isScaled ? [['not_above', words.notAboveMaximum]] : [])]}
           value=${[(first?.not_below_zero ?? true) && 'not_below_zero', (first?.scale?.not_above ?? true) && 'not_above'].filter(Boolean)} />
-        <${Field} type="date" name="valid_from" label=${words.validFromDay} hint=${words.validFromHint} required value=${today()} />
+        <${Field} type="date" name="valid_from" label=${words.validFromDay} hint=${isFirst ? words.validForAllHint : words.validFromHint}
+          required=${!isFirst} optional=${isFirst} value=${isFirst ? '' : today()} />
         <${Field} name="note" label=${words.note} hint=${words.noteHint} optional wide maxlength="120" value=${first?.note ?? ''} />
       </div>
       <${Try} task=${task} formulaOf=${() => formulaIn(form.current, items)} isValid=${() => form.current.reportValidity()} />
@@ -71,7 +72,7 @@ function formulaIn(form, items) {
     scale,
     not_below_zero: limits.includes('not_below_zero'),
     note: String(data.get('note') ?? '') || undefined,
-    valid_from: String(data.get('valid_from')),
+    valid_from: String(data.get('valid_from') ?? '') || undefined,
   };
 }
 

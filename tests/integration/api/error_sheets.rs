@@ -197,6 +197,8 @@ async fn versions_are_added_and_a_session_is_scored_by_the_one_valid_on_its_day(
     );
     assert_close(&sheet["score"]["score"]["points"], 144.8);
 
+    assert_eq!(sheet["score"]["formula"]["valid_from"], Value::Null, "the first version scores all sessions");
+
     // A version for later days leaves today's session alone; one that begins earlier scores it.
     let later = json!({"valid_from": "2030-01-01", "cut_off_s": 600, "time": "measured"});
     assert_eq!(centre.instructor.make(FORMULAS, later).await["version"], 2);
