@@ -68,7 +68,7 @@ test('items and formula of a task begin with an example, and the formula is trie
 test('errors are counted by button and key, undone, typed, and finished', async () => {
   await page.goto(`${url}/sessions/${id}?t=4`);
   await button('Count errors').click();
-  const slips = page.getByRole('button', { name: /Knot slips/ });
+  const slips = page.getByRole('button', { name: /^Knot slips/ });
   await slips.click();
   assert.equal(await slips.getAttribute('aria-pressed'), 'true');
   await page.keyboard.press('3');
@@ -94,7 +94,7 @@ test('errors are counted by button and key, undone, typed, and finished', async 
 
 test('a sheet without marks says that no error was seen', async () => {
   await button('Correct my sheet').click();
-  await page.getByRole('button', { name: /Knot slips/ }).click();
+  await page.getByRole('button', { name: /^Knot slips/ }).click();
   await button('Finish: no errors seen').click();
   await waitUntil(async () => (await sheets()).items[0]?.marks.length === 0, 'the corrected sheet');
   const { score: { score } } = await sheets();

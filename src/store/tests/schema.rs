@@ -13,7 +13,7 @@ use crate::store::testing::{NOW_MS, TestCentre};
 use crate::store::{ActsAs, NewToken, Store, StoreError, StoreSettings};
 use crate::time::ManualClock;
 
-const FILES: [&str; 16] = [
+const FILES: [&str; 17] = [
     include_str!("../../../migrations/0001_people.sql"),
     include_str!("../../../migrations/0002_boxes.sql"),
     include_str!("../../../migrations/0003_work.sql"),
@@ -30,6 +30,7 @@ const FILES: [&str; 16] = [
     include_str!("../../../migrations/0034_password_links.sql"),
     include_str!("../../../migrations/0035_owners.sql"),
     include_str!("../../../migrations/0039_installation.sql"),
+    include_str!("../../../migrations/0049_error_sheets.sql"),
 ];
 
 /// A connection that bypasses the store's functions.
@@ -134,6 +135,12 @@ async fn invalid_rows_are_refused_from_any_writer() {
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 5, 4, 'x', 1 FROM session",
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, -1, 4, 'x', 1 FROM session",
         "INSERT INTO comment SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, NULL, 1, 4, '', 1 FROM session",
+        "INSERT INTO error_list SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, 'no json', NULL, 1 FROM task",
+        "INSERT INTO score_formula SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '{}', 'soon', NULL, 1
+         FROM task",
+        "INSERT INTO error_sheet (id, session_id, list_id, is_blind, created_at_ms)
+         SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', session.id, session.task_id, 1, 1 FROM session",
+        "INSERT INTO error_mark SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 'drops', -1, NULL, 1 FROM session",
         "INSERT INTO skill_model SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '8', printf('%064d', 0), NULL,
          '{}', NULL, 1, NULL FROM task",
         "INSERT INTO skill_model SELECT '0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a44', id, 1, '8', 'short', '{}', '{}', NULL,

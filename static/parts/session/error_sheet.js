@@ -62,7 +62,7 @@ export function ErrorSheetForm({ session, sheet, now, goTo, onDone }) {
   const form = useRef(null);
   const press = item => {
     const marked = marks.find(mark => mark.item === item.item);
-    if (item.kind === 'amount') return form.current.elements[item.item]?.focus();
+    if (item.kind === 'amount') return form.current.elements.namedItem(amountName(item))?.focus();
     if (item.kind === 'yes_no' && marked) return undo(marked);
     return tap(item.item, now());
   };
@@ -118,12 +118,15 @@ const typedOf = sheet => Object.fromEntries(sheet.items.filter(item => item.kind
 }));
 
 const typedIn = (form, items) => Object.fromEntries(items.filter(item => item.kind === 'amount')
-  .map(item => [item.item, form.elements[item.item].value]));
+  .map(item => [item.item, form.elements.namedItem(amountName(item)).value]));
+
+/** The name of an amount's input; a bare short name could be one of the form's own properties. */
+const amountName = item => `amount ${item.item}`;
 
 /** What was typed, for the service: an empty field is unknown, not zero. */
 function valuesOf(form, items) {
   const amounts = Object.entries(typedIn(form, items)).filter(([, text]) => text !== '').map(([item, text]) => [item, Number(text)]);
-  const time = form.elements['time by hand'].value;
+  const time = form.elements.namedItem('time by hand').value;
   return { amounts: Object.fromEntries(amounts), time_s: time === '' ? undefined : Number(time) };
 }
 
@@ -152,7 +155,7 @@ function Item({ item, number: place, marks, value, onPress, onTyped }) {
     return html`
       <div class="tap amount" title=${item.hint}>
         <label for=${`error-${item.item}`}>${key}<span>${item.name}</span></label>
-        <span class="row"><input id=${`error-${item.item}`} type="number" name=${item.item} min="0" max="1000000" step="any"
+        <span class="row"><input id=${`error-${item.item}`} type="number" name=${amountName(item)} min="0" max="1000000" step="any"
           defaultValue=${value} onChange=${onTyped} /> ${item.unit}</span>
       </div>`;
   const isYes = item.kind === 'yes_no';

@@ -134,6 +134,23 @@ async fn the_trainee_ends_an_interrupted_recording_at_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn errors_that_are_marked_while_a_recording_arrives_stay_when_it_is_complete() {
+    let (centre, _clock) = centre_with_clock().await;
+    let list = json!({"items": [{"name": "Drops", "kind": "count"}]});
+    centre.instructor.make("/api/v1/tasks/peg/error-lists", list).await;
+    let (sender, session) = record(&centre, &centre.trainee, RECORDING).await;
+    let at = format!("/api/v1/sessions/{session}");
+    centre.instructor.make(&format!("{at}/error-sheets"), json!({})).await;
+    centre.instructor.make(&format!("{at}/error-marks"), json!({"item": "drops", "at_s": 0.2})).await;
+    drop(sender);
+    waits(&centre, &session).await;
+    assert_eq!(centre.instructor.read(&at).await["status"], "queued");
+    let finished = centre.instructor.post(&format!("{at}/error-sheet/finish"), json!({})).await;
+    let finished = read(finished, StatusCode::OK).await;
+    assert_eq!((&finished["marks"][0]["at_s"], &finished["values"][0]["value"]), (&json!(0.2), &json!(1.0)));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_recording_that_ends_normally_in_the_end_has_no_note_of_an_earlier_attempt() {
     for (last, cause) in [(json!({}), json!(null)), (json!({"source_lost": "b"}), json!("source_lost"))] {
         let centre = Centre::open().await;
