@@ -393,7 +393,7 @@ CREATE TABLE score_formula (
     task_id       TEXT NOT NULL REFERENCES task (id) ON DELETE CASCADE,      -- the task
     version       INTEGER NOT NULL CHECK (version >= 1),                     -- 1, 2, … within the task
     definition    TEXT NOT NULL CHECK (json_valid(definition)),              -- cut-off, time, weights and scale (ScoreFormula)
-    valid_from    TEXT NOT NULL CHECK (length(valid_from) = 10),             -- first day of the sessions that it scores, such as 2026-11-21
+    valid_from    TEXT CHECK (length(valid_from) = 10),                      -- first day of the sessions that it scores, such as 2026-11-21; NULL: all
     person_id     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who set it; NULL: the service, or deleted
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when set, epoch ms
     UNIQUE (task_id, version)
@@ -771,12 +771,14 @@ CREATE TRIGGER person_erased AFTER DELETE ON person BEGIN
     INSERT INTO erasure (kind, id, at_ms) VALUES ('person', OLD.id, CAST(unixepoch('subsec') * 1000 AS INTEGER));
 END;
 
+CREATE TRIGGER rater_leaves_no_open_sheet BEFORE DELETE ON person BEGIN
+    DELETE FROM error_sheet WHERE person_id = OLD.id AND finished_at_ms IS NULL;
+END;
+
 CREATE TRIGGER result_has_hands AFTER INSERT ON result BEGIN
     UPDATE result SET (left_tool, right_tool, trocar_middle_mm) =
         (SELECT left_tool, right_tool, trocar_middle_mm FROM tool_hand WHERE tool_hand.result_id = NEW.id)
     WHERE id = NEW.id;
-CREATE TRIGGER rater_leaves_no_open_sheet BEFORE DELETE ON person BEGIN
-    DELETE FROM error_sheet WHERE person_id = OLD.id AND finished_at_ms IS NULL;
 END;
 
 CREATE TRIGGER session_erased AFTER DELETE ON session BEGIN

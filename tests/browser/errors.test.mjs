@@ -28,13 +28,13 @@ before(async () => {
 
 after(() => browser?.close());
 
-/** Imports a path of ten seconds of both tools, and waits for its score. */
+/** Imports a path of ten seconds of a tool, and waits for its score. */
 async function importSession() {
   const [trainee, box] = [await named('trainees', process.env.TROCAR_TRAINEE), await named('boxes', process.env.TROCAR_BOX)];
   const rows = ['frame,time_s,tool,x_mm,y_mm,z_mm'];
   for (let frame = 0; frame < 250; frame++) {
     const time = frame * 0.04;
-    rows.push(`${frame},${time.toFixed(2)},left,${40 * Math.sin(time * 1.3)},${20 * Math.cos(time * 0.7)},150`);
+    rows.push(`${frame},${time.toFixed(2)},${box.tools[0].name},${40 * Math.sin(time * 1.3)},${20 * Math.cos(time * 0.7)},150`);
   }
   const at = `/api/v1/sessions/import?trainee=${trainee.code}&task=${task.code}&box=${box.code}`;
   return page.evaluate(async ([address, body]) => {

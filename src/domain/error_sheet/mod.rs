@@ -65,7 +65,7 @@ pub struct ErrorItem {
 #[derive(Clone, Debug, PartialEq, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewErrorItem {
-    /// Short name of an item of an earlier version, which goes on; absent: derived from the name.
+    /// Short name of an item of an earlier version that is kept; absent: derived from the name.
     #[serde(default)]
     #[schema(value_type = Option<String>)]
     pub item: Option<Code>,

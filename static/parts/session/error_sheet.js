@@ -19,9 +19,10 @@ const MAX_KEYS = 9;
  * @param {Schemas['ErrorSheetResponse']} sheet
  */
 function useMarks(session, sheet) {
-  const [marks, setMarks] = useState(() => sheet.marks.map(mark => ({ ...mark, key: mark.id })));
+  const [marks, setMarks] = useState(() => sheet.marks.map(({ id, item, at_s: at }) => ({ key: String(id), item, at_s: at ?? null })));
   const [problem, setProblem] = useState(null);
-  const ids = useRef(new Map(sheet.marks.map(mark => [mark.id, mark.id])));
+  /** The ids of the stored marks by their keys. @type {{ current: Map<string, string> }} */
+  const ids = useRef(new Map(sheet.marks.map(({ id }) => [String(id), String(id)])));
   const queue = useRef(Promise.resolve());
   const count = useRef(0);
   const store = (work, revert) => {
@@ -40,7 +41,7 @@ function useMarks(session, sheet) {
   const undo = mark => {
     without(mark.key);
     return store(
-      () => api.sessions.unmarkError(session, ids.current.get(mark.key)),
+      () => api.sessions.unmarkError(session, ids.current.get(mark.key) ?? ''),
       () => setMarks(before => [...before, mark]),
     );
   };

@@ -23,7 +23,7 @@ export function ErrorListForm({ task, items: present, onSet, onCancel }) {
   const change = (at, more) => setItems(before => before.map((item, index) => (index === at ? { ...item, ...more } : item)));
   const up = at => setItems(before => [...before.slice(0, at - 1), before[at], before[at - 1], ...before.slice(at + 1)]);
   const take = event => {
-    const chosen = examples.find(one => one.example === event.target.value);
+    const chosen = examples?.find(one => one.example === event.target.value);
     if (!chosen) return;
     const named = chosen.items.map(item => {
       const [name, hint] = exampleItemText(item);
@@ -62,7 +62,7 @@ export function ErrorListForm({ task, items: present, onSet, onCancel }) {
     </form>`;
 }
 
-/** The item for the service. An item that goes on keeps its short name, unless its kind or unit was changed. */
+/** The item for the service. An item that is kept has its short name, unless its kind or unit was changed. */
 function request({ item, name, kind, unit, hint, was }) {
   const isAmount = kind === 'amount';
   const goesOn = item && (!was || (was.kind === kind && was.unit === unit));
