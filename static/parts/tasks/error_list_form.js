@@ -29,7 +29,7 @@ export function ErrorListForm({ task, items: present, onSet, onCancel }) {
       const [name, hint] = exampleItemText(item);
       return { ...item, name, hint };
     });
-    setExample({ items: named, formula: { ...chosen.formula, note: exampleNote(chosen.formula.note) } });
+    setExample({ name: chosen.example, items: named, formula: { ...chosen.formula, note: exampleNote(chosen.formula.note) } });
     setItems(named.map(item => row({ ...item, unit: item.unit ?? '' })));
   };
   const save = async event => {
@@ -48,7 +48,7 @@ export function ErrorListForm({ task, items: present, onSet, onCancel }) {
   return html`
     <form class="stack" onSubmit=${save}>
       <p class="muted">${words.itemsLead}</p>
-      ${examples && html`<${Field} type="select" name="example" label=${words.example} hint=${words.exampleHint} value="" onInput=${take}
+      ${examples && html`<${Field} type="select" name="example" label=${words.example} hint=${words.exampleHint} value=${example?.name ?? ''} onInput=${take}
         options=${[['', words.noExample], ...examples.map(one => [one.example, exerciseTitle({ preset: one.example, title: one.title })])]} />`}
       ${example && html`<p class="small muted">${example.formula.note}</p>`}
       ${items.map((item, at) => html`<${ItemFields} key=${item.key} item=${item} at=${at} onChange=${more => change(at, more)} onUp=${() => up(at)}
@@ -79,7 +79,7 @@ function ItemFields({ item, at, onChange, onUp, onRemove }) {
         <${Field} name=${`name ${item.key}`} label=${words.name} value=${item.name} required maxlength="120" onInput=${input('name')} />
         <${Field} type="select" name=${`kind ${item.key}`} label=${words.kind} value=${item.kind} options=${KINDS.map(kind => [kind, words.kinds[kind]])} onInput=${input('kind')} />
         ${item.kind === 'amount' && html`<${Field} name=${`unit ${item.key}`} label=${words.unit} hint=${words.unitHint} value=${item.unit} required maxlength="12" onInput=${input('unit')} />`}
-        <${Field} name=${`hint ${item.key}`} label=${words.hint} value=${item.hint} optional maxlength="120" onInput=${input('hint')} />
+        <${Field} name=${`hint ${item.key}`} label=${words.hint} value=${item.hint} optional wide maxlength="120" onInput=${input('hint')} />
       </div>
       <div class="row">
         ${at > 0 && html`<button class="button bare" type="button" aria-label=${words.upThis(at + 1)} onClick=${onUp}>${words.up}</button>`}

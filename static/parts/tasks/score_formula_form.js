@@ -83,19 +83,20 @@ function Try({ task, formulaOf, isValid }) {
   const [tried, setTried] = useState(null);
   const [problem, setProblem] = useState(null);
   if (!sessions?.length) return html`<p class="small muted">${words.nothingToTry}</p>`;
+  const shown = chosen || sessions[0].id;
   const run = async () => {
     if (!isValid()) return;
     setProblem(null);
     const formula = formulaOf();
-    await api.tasks.tryScoreFormula(task.id, { formula, session: chosen || sessions[0].id })
+    await api.tasks.tryScoreFormula(task.id, { formula, session: shown })
       .then(answer => setTried({ formula, answer }), error => (setTried(null), setProblem(asProblem(error))));
   };
   return html`
     <fieldset class="plain target stack tight" aria-live="polite">
       <legend class="label">${words.tryOn}</legend>
       <div class="row">
-        <select class="select" aria-label=${words.trySession} value=${chosen} onChange=${event => (setChosen(event.target.value), setTried(null))}>
-          ${sessions.map(one => html`<option key=${one.id} value=${one.id} selected=${one.id === chosen}>${one.trainee.name}, ${date(one.recorded_at)}${durationText(one)}</option>`)}
+        <select class="select" aria-label=${words.trySession} value=${shown} onChange=${event => (setChosen(event.target.value), setTried(null))}>
+          ${sessions.map(one => html`<option key=${one.id} value=${one.id} selected=${one.id === shown}>${one.trainee.name}, ${date(one.recorded_at)}${durationText(one)}</option>`)}
         </select>
         <button class="button" type="button" onClick=${run}>${words.try}</button>
       </div>
