@@ -8,9 +8,6 @@
       parts/guide/guide_state.js parts/page/recorded_at.js parts/page/status.js parts/people/attention.js
       parts/people/trainee_home.js parts/session/compared_space.js parts/session/evidence.js
       parts/session/feature_notes.js parts/session/outcome_card.js with_error.js`,
-      format.js pages/today.js parts/courses/course_state.js parts/courses/own_courses.js parts/page/recorded_at.js
-      parts/page/status.js parts/people/attention.js parts/people/trainee_home.js parts/session/compared_space.js
-      parts/session/evidence.js parts/session/outcome_card.js with_error.js`,
     session: `
       format.js pages/session.js parts/forms/dialog.js parts/live/interrupted.js parts/live/light.js
       parts/live/live_screen.js parts/live/live_space.js parts/live/live_tools.js parts/live/live_track.js
@@ -20,16 +17,13 @@
       parts/playback/readouts.js parts/playback/space_painter.js parts/playback/track.js
       parts/recording/recording_target.js parts/session/advice.js parts/session/box_question.js
       parts/session/cohort_places.js parts/session/comments.js parts/session/compared_space.js
-      parts/session/edit_dialog.js parts/session/edits.js parts/session/evidence.js parts/session/feature_folds.js
+      parts/session/edit_dialog.js parts/session/edits.js parts/session/error_score.js
+      parts/session/error_sheet.js parts/session/error_sheets.js parts/session/evidence.js
+      parts/session/feature_folds.js
       parts/session/feature_notes.js parts/session/features.js parts/session/ghost.js parts/session/moves.js
       parts/session/outcome_card.js parts/session/quality.js parts/session/ratings.js parts/session/review.js
       parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js parts/tasks/hand_choice.js watch.js
       with_error.js`,
-      parts/session/edit_dialog.js parts/session/edits.js parts/session/error_score.js
-      parts/session/error_sheet.js parts/session/error_sheets.js parts/session/evidence.js parts/session/features.js
-      parts/session/ghost.js parts/session/moves.js parts/session/outcome_card.js parts/session/quality.js
-      parts/session/ratings.js parts/session/review.js parts/session/skill.js parts/session/span_bar.js
-      parts/session/verdict.js parts/tasks/hand_choice.js watch.js with_error.js`,
     trainee: `
       csv.js format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js
       parts/charts/progress_plot.js parts/courses/course_state.js parts/courses/own_courses.js

@@ -27,9 +27,10 @@ use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, CommentId, CourseId, DismissalId, EditId, ErrorListId, ErrorMarkId, ErrorSheetId, FeedId, GroupId, IdentityId, InstallationId, JobId,
-    LeaseToken, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, ScoreFormulaId,
-    SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId,
+    BoxId, CalibrationId, CohortId, CommentId, CourseId, DismissalId, EditId, ErrorListId, ErrorMarkId, ErrorSheetId,
+    FeedId, GroupId, IdentityId, InstallationId, JobId, LeaseToken, ModelId, MoveId, PaletteId, PasswordLinkId,
+    PersonId, RatingId, RescoringId, ResultId, ScoreFormulaId, SelfTestId, SessionId, StandardId, TaskId, TokenId,
+    TraineeId, UploadId,
 };
 use crate::motion::features::{self, Feature};
 use crate::time::Day;
