@@ -43,7 +43,7 @@ CREATE TABLE calibration (
     width         INTEGER NOT NULL CHECK (width BETWEEN 1 AND 65535),        -- picture width, pixels
     height        INTEGER NOT NULL CHECK (height BETWEEN 1 AND 65535),       -- picture height, pixels
     rms_px        REAL CHECK (rms_px >= 0),                                  -- reprojection error, pixels; NULL: not said
-    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0),               -- when stored, epoch ms
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0), valid_from_ms INTEGER CHECK (valid_from_ms >= 0),               -- when stored, epoch ms
     UNIQUE (box_id, version)
 ) STRICT;
 
@@ -294,7 +294,7 @@ CREATE TABLE palette (
     tools         TEXT NOT NULL CHECK (json_valid(tools)),                   -- tools and sizes, mm ([BoxTool])
     counts        TEXT NOT NULL CHECK (json_valid(counts)),                  -- samples of each label ([LabelCount])
     samples       BLOB NOT NULL CHECK (length(samples) BETWEEN 1 AND 16777216), -- the samples, in the tracker's own form
-    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0), report TEXT CHECK (report IS NULL OR json_valid(report)),               -- when stored, epoch ms
+    created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0), report TEXT CHECK (report IS NULL OR json_valid(report)), valid_from_ms INTEGER CHECK (valid_from_ms >= 0),               -- when stored, epoch ms
     UNIQUE (box_id, version)
 ) STRICT;
 
@@ -951,6 +951,24 @@ CREATE VIEW uncounted_session (session_id) AS
     SELECT id FROM session WHERE box_question IN ('asked', 'other_box')
     UNION ALL
     SELECT session.id FROM pending_erasure JOIN session ON session.trainee_id = pending_erasure.trainee_id;
+
+CREATE VIEW valid_setup AS
+    SELECT session.id AS session_id,
+           coalesce((SELECT calibration.id FROM calibration
+                     WHERE calibration.box_id = session.box_id
+                       AND coalesce(calibration.valid_from_ms, calibration.created_at_ms) <= session.recorded_at_ms
+                     ORDER BY coalesce(calibration.valid_from_ms, calibration.created_at_ms) DESC, calibration.version DESC LIMIT 1),
+                    (SELECT calibration.id FROM calibration WHERE calibration.box_id = session.box_id
+                     ORDER BY coalesce(calibration.valid_from_ms, calibration.created_at_ms), calibration.version DESC LIMIT 1))
+               AS calibration_id,
+           coalesce((SELECT palette.id FROM palette
+                     WHERE palette.box_id = session.box_id
+                       AND coalesce(palette.valid_from_ms, palette.created_at_ms) <= session.recorded_at_ms
+                     ORDER BY coalesce(palette.valid_from_ms, palette.created_at_ms) DESC, palette.version DESC LIMIT 1),
+                    (SELECT palette.id FROM palette WHERE palette.box_id = session.box_id
+                     ORDER BY coalesce(palette.valid_from_ms, palette.created_at_ms), palette.version DESC LIMIT 1))
+               AS palette_id
+    FROM session;
 
 CREATE VIEW visible_job (role, subject, job_id) AS
     SELECT 'administrator', CAST(NULL AS TEXT), id FROM job

@@ -380,16 +380,29 @@ export const api = {
     ...resource('boxes'),
     /** @param {string} id */
     camera: id => request('GET', ['boxes', id, 'camera']),
-    /** @param {string} id @param {ApiBody<'PUT', ['boxes', string, 'camera']>} json */
-    putCamera: (id, json) => request('PUT', ['boxes', id, 'camera'], { json }),
+    /**
+     * `from`: since when it is valid, if not from now on.
+     * @param {string} id @param {ApiBody<'PUT', ['boxes', string, 'camera']>} json @param {string} [from]
+     */
+    putCamera: (id, json, from) => request('PUT', ['boxes', id, 'camera'], { json, query: { valid_from: from } }),
     /** @param {string} id */
     calibrations: id => fetchAll(['boxes', id, 'calibrations']),
     /** @param {string} id @param {FormData} form */
     calibrate: (id, form) => request('POST', ['boxes', id, 'calibrations'], { form }),
+    /**
+     * Sets since when a version is valid; the answer has all versions.
+     * @param {string} id @param {string} version @param {ApiBody<'PATCH', ['boxes', string, 'calibrations', string]>} json
+     */
+    dateCalibration: (id, version, json) => request('PATCH', ['boxes', id, 'calibrations', version], { json }),
     /** Checks one photo of the board immediately. @param {string} id @param {FormData} form */
     checkPhoto: (id, form) => request('POST', ['boxes', id, 'calibrations', 'check'], { form }),
     /** The versions of the palette, newest first. @param {string} id */
     palettes: id => fetchAll(['boxes', id, 'palettes']),
+    /**
+     * The same for a version of the palette.
+     * @param {string} id @param {string} version @param {ApiBody<'PATCH', ['boxes', string, 'palettes', string]>} json
+     */
+    datePalette: (id, version, json) => request('PATCH', ['boxes', id, 'palettes', version], { json }),
     /** @param {string} id @param {FormData} form */
     learnPalette: (id, form) => request('POST', ['boxes', id, 'palettes'], { form }),
     /**

@@ -165,10 +165,10 @@ pub struct LivePlan {
 /// The store's errors.
 pub async fn live_plan(of: BoxId, store: &Store) -> Result<Result<LivePlan, Problem>, StoreError> {
     let scope = Scope::service();
-    let Some(calibration) = store.calibrations().latest(&scope, of).await? else {
+    let Some(calibration) = store.calibrations().in_use(&scope, of).await? else {
         return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's camera is not calibrated")));
     };
-    let Some(palette) = store.palettes().latest(&scope, of).await? else {
+    let Some(palette) = store.palettes().in_use(&scope, of).await? else {
         return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's colours are not marked")));
     };
     let ports = ports_so_far(of, calibration.id, store).await?;
@@ -264,6 +264,7 @@ mod tests {
                 samples: vec![],
                 report: None,
                 created_at_ms: 0,
+                valid_from_ms: 0,
             })
         };
         let shaft = || Some(MarkerEntry::Shaft { collar_mm: None, jaw_mm: Some(28.3) });

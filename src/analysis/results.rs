@@ -144,7 +144,7 @@ pub(super) fn advice(output: ChildOutput) -> Result<PaletteAdvice, ProductError>
 pub(super) fn calibration(is_video: bool, output: ChildOutput) -> Result<NewCalibration, ProductError> {
     let camera_json = output.camera_json.ok_or(ProductError::Missing("a calibration"))?;
     let source = if is_video { CalibrationSource::Video } else { CalibrationSource::Photos };
-    Ok(NewCalibration { camera: CameraFile::parse(&camera_json)?, source })
+    Ok(NewCalibration { camera: CameraFile::parse(&camera_json)?, source, valid_from_ms: None })
 }
 
 /// The self-test as a box stores it.

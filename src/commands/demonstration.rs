@@ -265,8 +265,8 @@ impl DemonstrationBuilder {
         if !self.store.self_tests().list(&service, of, &PageRequest::new(1, None)).await?.items.is_empty() {
             return Ok(());
         }
-        let calibration = self.store.calibrations().latest(&service, of).await?.context("the box has no camera")?;
-        let palette = self.store.palettes().latest(&service, of).await?.context("the box has no colours")?;
+        let calibration = self.store.calibrations().in_use(&service, of).await?.context("the box has no camera")?;
+        let palette = self.store.palettes().in_use(&service, of).await?.context("the box has no colours")?;
         let setup = setup_of(Scenario::SelfTest, Skill::EXPERT, 3);
         let frames = Some((SECONDS * FPS) as usize);
         let order = SceneOrder { frames, fps: FPS, boards: 0, ..SceneOrder::new(setup) };
@@ -280,11 +280,24 @@ impl DemonstrationBuilder {
         Ok(tokio::fs::remove_dir_all(folder).await?)
     }
 
+    /// Dates camera and colours back to the first day of the course: the recordings state earlier days.
+    async fn date_back(&self, of: BoxId) -> anyhow::Result<()> {
+        let (service, since) = (Scope::service(), Some(self.clock.now_ms() - COURSE_BEGAN_MS));
+        let versions = self.store.box_versions();
+        if let Some(calibration) = self.store.calibrations().in_use(&service, of).await? {
+            versions.set_calibration_valid_from(&service, (of, calibration.id), since).await?;
+        }
+        if let Some(palette) = self.store.palettes().in_use(&service, of).await? {
+            versions.set_palette_valid_from(&service, (of, palette.id), since).await?;
+        }
+        Ok(())
+    }
+
     /// Calibrates the camera and learns the colours, each with an ordinary job.
     async fn set_up_box(&self, of: BoxId, marker: SimulatedMarker) -> anyhow::Result<()> {
         let service = Scope::service();
-        let calibrated = self.store.calibrations().latest(&service, of).await?.is_some();
-        let coloured = self.store.palettes().latest(&service, of).await?.is_some();
+        let calibrated = self.store.calibrations().in_use(&service, of).await?.is_some();
+        let coloured = self.store.palettes().in_use(&service, of).await?.is_some();
         if calibrated && coloured {
             return Ok(());
         }
@@ -308,6 +321,7 @@ impl DemonstrationBuilder {
             let input = PaletteInput { of, annotations, files, is_video: true, frames: Vec::new(), empty_box };
             self.run_job(JobInput::Palette(input), kept).await?;
         }
+        self.date_back(of).await?;
         Ok(tokio::fs::remove_dir_all(folder).await?)
     }
 

@@ -25,6 +25,8 @@ pub struct NewCalibration {
     pub camera: CameraFile,
     /// The source of the calibration.
     pub source: CalibrationSource,
+    /// Recordings from then on are tracked with it, epoch ms; `None`: from the time at which it is stored.
+    pub valid_from_ms: Option<i64>,
 }
 
 /// Size of a checkerboard in inner corners, written as on the command line: `9x6`.

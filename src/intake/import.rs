@@ -32,7 +32,7 @@ impl Intake {
 
     /// What a table for this recording's box must satisfy.
     pub async fn table_limits(&self, recording: &ResolvedRecording) -> IntakeResult<CheckTableWork> {
-        let palette = self.store.palettes().latest(&Scope::service(), recording.in_box).await?;
+        let palette = self.store.palettes().in_use(&Scope::service(), recording.in_box).await?;
         let known_tools = palette.into_iter().flat_map(|p| p.tools).map(|tool| tool.name).collect();
         Ok(CheckTableWork { known_tools, max_bytes: self.max_table_bytes(), max_rows: self.settings.import_rows })
     }

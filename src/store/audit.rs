@@ -62,6 +62,10 @@ const SELECT_ENTRIES: &str = "
         WHEN 'person' THEN (SELECT name FROM person WHERE id = subject)
         WHEN 'group' THEN (SELECT name FROM training_group WHERE id = subject)
         WHEN 'box' THEN (SELECT name FROM training_box WHERE id = subject)
+        WHEN 'calibration' THEN
+            (SELECT name FROM training_box JOIN calibration ON box_id = training_box.id WHERE calibration.id = subject)
+        WHEN 'palette' THEN
+            (SELECT name FROM training_box JOIN palette ON box_id = training_box.id WHERE palette.id = subject)
         WHEN 'task' THEN (SELECT name FROM task WHERE id = subject)
         WHEN 'cohort' THEN (SELECT name FROM cohort WHERE id = subject)
         WHEN 'course' THEN (SELECT name FROM course WHERE id = subject)

@@ -1,4 +1,5 @@
-//! Versions of the boxes' cameras: added, never changed. The latest is the one in use.
+//! Versions of the boxes' cameras: added, never changed, except for the date since which they are valid. A recording is
+//! tracked with the version that was valid when it was recorded ([`super::box_versions`]).
 
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
@@ -34,25 +35,34 @@ pub struct CalibrationRecord {
     pub rms_px: Option<f64>,
     /// When it was stored, epoch ms.
     pub created_at_ms: i64,
+    /// Recordings from then on are tracked with it, epoch ms: when it was stored, unless staff stated another time.
+    pub valid_from_ms: i64,
 }
 
-const SELECT_LATEST: &str = "
-    SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
-    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY version DESC LIMIT 1";
+/// `$4`: now.
+const SELECT_IN_USE: &str = "
+    SELECT id, box_id, version, source, camera, rms_px, created_at_ms,
+           coalesce(valid_from_ms, created_at_ms) AS valid_from_ms FROM calibration
+    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id)
+    ORDER BY coalesce(valid_from_ms, created_at_ms) <= $4 DESC,
+             abs($4 - coalesce(valid_from_ms, created_at_ms)), version DESC LIMIT 1";
 
 const SELECT_CALIBRATION: &str = "
-    SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
+    SELECT id, box_id, version, source, camera, rms_px, created_at_ms,
+           coalesce(valid_from_ms, created_at_ms) AS valid_from_ms FROM calibration
     WHERE id = $3 AND ($1 <> 'agent' OR $2 = box_id)";
 
 const SELECT_CALIBRATIONS: &str = "
-    SELECT id, box_id, version, source, camera, rms_px, created_at_ms FROM calibration
+    SELECT id, box_id, version, source, camera, rms_px, created_at_ms,
+           coalesce(valid_from_ms, created_at_ms) AS valid_from_ms FROM calibration
     WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY version DESC LIMIT 100";
 
 const INSERT_CALIBRATION: &str = "
-    INSERT INTO calibration (id, box_id, version, source, camera, width, height, rms_px, created_at_ms)
-    SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM calibration
+    INSERT INTO calibration (id, box_id, version, source, camera, width, height, rms_px, created_at_ms, valid_from_ms)
+    SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8, $9 FROM calibration
     WHERE box_id = $2
-    RETURNING id, box_id, version, source, camera, rms_px, created_at_ms";
+    RETURNING id, box_id, version, source, camera, rms_px, created_at_ms,
+              coalesce(valid_from_ms, created_at_ms) AS valid_from_ms";
 
 impl CalibrationStore<'_> {
     /// Stores an uploaded camera as the box's next version and queues the sessions that waited for one.
@@ -70,9 +80,9 @@ impl CalibrationStore<'_> {
     }
 
     /// The version in use, if the box has one.
-    pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<CalibrationRecord>> {
-        let row = sqlx::query_as(SELECT_LATEST);
-        Ok(row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?)
+    pub async fn in_use(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<CalibrationRecord>> {
+        let row = sqlx::query_as(SELECT_IN_USE).bind_scope(scope).bind(of).bind(self.0.now_ms());
+        Ok(row.fetch_optional(self.0.readers()).await?)
     }
 
     /// One version.
@@ -100,6 +110,6 @@ pub(super) async fn insert(
     let rms_px = new.camera.rms_px();
     let (width, height) = (new.camera.width, new.camera.height);
     let row = row.bind(CalibrationId::at(now_ms)).bind(of).bind(new.source).bind(Json(new.camera));
-    let row = row.bind(width).bind(height).bind(rms_px).bind(now_ms);
+    let row = row.bind(width).bind(height).bind(rms_px).bind(now_ms).bind(new.valid_from_ms);
     row.fetch_one(tx).await.map_err(missing("box"))
 }

@@ -23,8 +23,9 @@
 //! | [`Store::courses`] | `create` `list` `get` `changeable` `of` `replace` `delete` `follow` `unfollow` `of_trainee` |
 //! | [`Store::skill_models`] | `add` `in_use` `get` `list` `declared` |
 //! | [`Store::boxes`] | `create` `list` `get` `changeable` `change` `delete` |
-//! | [`Store::calibrations`] | `add` `latest` `get` `list` |
-//! | [`Store::palettes`] | `add` `latest` `get` `list` |
+//! | [`Store::calibrations`] | `add` `in_use` `get` `list` |
+//! | [`Store::palettes`] | `in_use` `get` `list` |
+//! | [`Store::box_versions`] | `of_session` `set_calibration_valid_from` `set_palette_valid_from` |
 //! | [`Store::self_tests`] | `list` `light_since` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
@@ -52,6 +53,7 @@
 mod attention;
 mod audit;
 mod blobs;
+mod box_versions;
 mod boxes;
 mod calibrations;
 mod centre;
@@ -114,6 +116,7 @@ use tokio::sync::watch;
 pub use attention::{AlarmKey, AttentionStore, DismissalRecord, RECENT_MS};
 pub use audit::{AuditEntry, AuditStore, Backup};
 pub use blobs::{BlobStore, BlobUse};
+pub use box_versions::{BoxVersionStore, SessionSetup, UsedVersion};
 pub use boxes::{BoxRecord, BoxStore};
 pub use calibrations::{CalibrationRecord, CalibrationStore};
 pub use centre::{CentreRecord, CentreStore};
@@ -413,6 +416,8 @@ accessors! {
     boxes: BoxStore;
     /// Versions of the boxes' cameras.
     calibrations: CalibrationStore;
+    /// Which version of camera and colours a recording is tracked with.
+    box_versions: BoxVersionStore;
     /// Versions of the boxes' colours.
     palettes: PaletteStore;
     /// Self-tests of boxes, with their traffic lights.

@@ -1,4 +1,5 @@
-//! Versions of the boxes' colour samples: added, never changed. The latest is the one in use.
+//! Versions of the boxes' colour samples: added, never changed, except for the date since which they are valid. A recording
+//! is tracked with the version that was valid when it was recorded ([`super::box_versions`]).
 
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
@@ -40,18 +41,26 @@ pub struct PaletteRecord {
     pub report: Option<PaletteReport>,
     /// When it was stored, epoch ms.
     pub created_at_ms: i64,
+    /// Recordings from then on are tracked with it, epoch ms: when it was stored, unless staff stated another time.
+    pub valid_from_ms: i64,
 }
 
-const SELECT_LATEST: &str = "
-    SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
-    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY version DESC LIMIT 1";
+/// `$4`: now.
+const SELECT_IN_USE: &str = "
+    SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms,
+           coalesce(valid_from_ms, created_at_ms) AS valid_from_ms FROM palette
+    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id)
+    ORDER BY coalesce(valid_from_ms, created_at_ms) <= $4 DESC,
+             abs($4 - coalesce(valid_from_ms, created_at_ms)), version DESC LIMIT 1";
 
 const SELECT_PALETTE: &str = "
-    SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
+    SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms,
+           coalesce(valid_from_ms, created_at_ms) AS valid_from_ms FROM palette
     WHERE id = $3 AND ($1 <> 'agent' OR $2 = box_id)";
 
 const SELECT_PALETTES: &str = "
-    SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms FROM palette
+    SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms,
+           coalesce(valid_from_ms, created_at_ms) AS valid_from_ms FROM palette
     WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY version DESC LIMIT 100";
 
 /// A photo that was deleted with a person's recording has no file any more.
@@ -70,13 +79,14 @@ const INSERT_PALETTE: &str = "
     INSERT INTO palette (id, box_id, version, annotations, tools, counts, samples, report, created_at_ms)
     SELECT $1, $2, coalesce(max(version), 0) + 1, $3, $4, $5, $6, $7, $8 FROM palette
     WHERE box_id = $2
-    RETURNING id, box_id, version, annotations, tools, counts, samples, report, created_at_ms";
+    RETURNING id, box_id, version, annotations, tools, counts, samples, report, created_at_ms,
+              coalesce(valid_from_ms, created_at_ms) AS valid_from_ms";
 
 impl PaletteStore<'_> {
     /// The version in use, if the box has one.
-    pub async fn latest(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<PaletteRecord>> {
-        let row = sqlx::query_as(SELECT_LATEST);
-        Ok(row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?)
+    pub async fn in_use(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<PaletteRecord>> {
+        let row = sqlx::query_as(SELECT_IN_USE).bind_scope(scope).bind(of).bind(self.0.now_ms());
+        Ok(row.fetch_optional(self.0.readers()).await?)
     }
 
     /// The photo of the empty box that was kept with the latest colours of tools without tape, while its file is stored.

@@ -58,12 +58,14 @@ impl TestCentre {
         centre
     }
 
+    /// Gives the box a camera for all recordings since [`NOW_MS`].
     pub async fn calibrate(&self) {
-        self.store.calibrations().add(&Scope::service(), self.the_box.id, Self::new_calibration()).await.unwrap();
+        let new = NewCalibration { valid_from_ms: Some(NOW_MS), ..Self::new_calibration() };
+        self.store.calibrations().add(&Scope::service(), self.the_box.id, new).await.unwrap();
     }
 
     pub fn new_calibration() -> NewCalibration {
-        NewCalibration { camera: camera(), source: CalibrationSource::File }
+        NewCalibration { camera: camera(), source: CalibrationSource::File, valid_from_ms: None }
     }
 
     /// Colours of one orange tool, as a job learns them.
@@ -183,8 +185,8 @@ impl TestCentre {
 
     pub async fn result(&self, session: SessionId) -> NewResult {
         let service = Scope::service();
-        let calibration = self.store.calibrations().latest(&service, self.the_box.id).await.unwrap().unwrap().id;
-        let palette = self.store.palettes().latest(&service, self.the_box.id).await.unwrap().unwrap().id;
+        let calibration = self.store.calibrations().in_use(&service, self.the_box.id).await.unwrap().unwrap().id;
+        let palette = self.store.palettes().in_use(&service, self.the_box.id).await.unwrap().unwrap().id;
         NewResult {
             versions: Versions {
                 pipeline: "1".to_owned(),

@@ -2,9 +2,11 @@
 import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
+import { number } from '../format.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
+import { BoxVersions, inUseFirst } from '../parts/boxes/box_versions.js';
 import { CameraForms, CameraSummary } from '../parts/boxes/box_camera.js';
 import { PaletteAdvice } from '../parts/boxes/box_advice.js';
 import { PaletteForm, PaletteSummary } from '../parts/boxes/box_palette.js';
@@ -34,7 +36,7 @@ export default function BoxPage({ person, route }) {
         api.boxes.selfTests(id),
         ownerGroups(person),
       ]);
-      return { ...found, camera, palettes, calibrations, selfTests, allGroups: groups };
+      return { ...found, camera, palettes: inUseFirst(palettes), calibrations, selfTests, allGroups: groups };
     },
     [id],
   );
@@ -65,7 +67,9 @@ export default function BoxPage({ person, route }) {
       <section class="card">
         <header><h2>${words.camera}</h2><${CameraState} calibration=${box.calibration} /></header>
         <div class="body stack">
-          <${CameraSummary} camera=${box.camera} calibration=${box.calibration} calibrations=${box.calibrations} />
+          <${CameraSummary} camera=${box.camera} calibration=${box.calibration} />
+          <${BoxVersions} title=${words.history} box=${box} versions=${box.calibrations} mayEdit=${mayEdit}
+            change=${api.boxes.dateCalibration} onChange=${reload} more=${one => one.rms_px !== null && `${words.rms} ${number(one.rms_px)} px`} />
           ${mayEdit && html`<${CameraForms} box=${box} onChange=${reload} />`}
         </div>
       </section>
@@ -73,6 +77,8 @@ export default function BoxPage({ person, route }) {
         <header><h2>${words.palette}</h2><${PaletteState} palette=${box.palette} /></header>
         <div class="body stack">
           <${PaletteSummary} palette=${box.palettes[0]} />
+          <${BoxVersions} title=${words.paletteHistory} box=${box} versions=${box.palettes} mayEdit=${mayEdit}
+            change=${api.boxes.datePalette} onChange=${reload} />
           ${mayEdit && hasTape && html`<${PaletteAdvice} box=${box} />`}
           ${mayEdit && html`<${PaletteForm} box=${box} onChange=${reload} />`}
         </div>

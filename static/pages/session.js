@@ -16,6 +16,7 @@ import { MoveButton, Moves } from '../parts/session/moves.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { OutcomeCard } from '../parts/session/outcome_card.js';
 import { Review } from '../parts/session/review.js';
+import { SetupWarnings } from '../parts/session/setup_versions.js';
 import { Skill } from '../parts/session/skill.js';
 import { useOpening } from '../parts/people/new_feedback.js';
 import { recordedAtText } from '../parts/page/recorded_at.js';
@@ -64,6 +65,7 @@ export default function Session({ person, route }) {
       <${BoxQuestion} session=${session} person=${person} edits=${edits} onChange=${() => (readEdits(), reload())} />
       <${EarlyEnd} session=${session} />
       <${SetAside} session=${session} edits=${edits} />
+      <${SetupWarnings} session=${session} person=${person} />
       <${Retimed} session=${session} edits=${edits} />
       ${session.status === 'done' && html`<${OutcomeCard} session=${session} />`}
       ${session.status === 'done' && !isValid(session) && html`<${Verdict} quality=${session.quality} />`}

@@ -9,6 +9,7 @@ import { featureWithTool, findingText } from '../translate.js';
 import { featuresIn, firstSpace, isTooUncertain, poorDepthText } from '../parts/session/compared_space.js';
 import { featureRows } from '../parts/session/features.js';
 import { feedbackLines, loadFeedback, ReportFeedback } from '../parts/session/report_feedback.js';
+import { usedVersionText } from '../parts/session/setup_versions.js';
 import { leadingReasons } from '../parts/session/verdict.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { ProgressPlot } from '../parts/charts/progress_plot.js';
@@ -166,15 +167,15 @@ function Learning({ progress, session }) {
 
 /** @param {{ session: Present<Schemas['SessionResponse'], 'versions'>, progress: Props['progress'] | null }} props */
 function ReportProvenance({ session, progress }) {
-  const { versions, video } = session;
+  const { versions, video, setup } = session;
   return html`<${Provenance} rows=${[
     [words.session, reference(session.id)],
     [words.result, reference(session.result)],
     [words.file, `${session.filename}, ${words.bytes(video.bytes)}`],
     [words.sha256, video.sha256],
     [words.program, [versions.pipeline, versions.tracked_with && words.trackedWith(versions.tracked_with)].filter(Boolean).join(', ')],
-    [t.session.version.calibration, reference(versions.calibration)],
-    [t.session.version.palette, reference(versions.palette)],
+    [t.session.version.calibration, [setup && usedVersionText(setup.calibration), reference(versions.calibration)].filter(Boolean).join(', ')],
+    [t.session.version.palette, [setup && usedVersionText(setup.palette), reference(versions.palette)].filter(Boolean).join(', ')],
     [t.session.version.model, reference(versions.model)],
     [words.standard, progress?.standard && words.versionOf(progress.standard.version)],
   ]} />`;

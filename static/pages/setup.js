@@ -6,6 +6,7 @@ import { useData } from '../data.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
+import { inUseFirst } from '../parts/boxes/box_versions.js';
 import { NotYours } from '../parts/forms/owners.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { useSetupDraft } from '../setup/draft.js';
@@ -43,7 +44,7 @@ export default function SetupPage({ person, route }) {
       mayCreateTokens ? api.tokens.all() : null,
     ]);
     const camera = box.calibration && (await api.boxes.camera(id));
-    return { ...box, camera, palettes, calibrations, selfTests, tokens: tokens?.filter(token => token.box === box.id) };
+    return { ...box, camera, palettes: inUseFirst(palettes), calibrations, selfTests, tokens: tokens?.filter(token => token.box === box.id) };
   };
   const { data: box, problem, reload } = useData(load, [id]);
   const states = box && stepStates(box, draft);

@@ -80,6 +80,36 @@ test('an entry of what needs attention is put off for a week, and undone', async
   await entry.waitFor();
 });
 
+test('a recording that is older than the set-up of its box says so, until the version is dated back', async () => {
+  const { recorded_at: recorded, setup } = await session();
+  assert.deepEqual([setup.calibration.is_later, setup.palette.is_later], [false, false]);
+  const [calibration] = (await getJson(`boxes/${box.id}/calibrations`)).items;
+  const later = new Date(Date.parse(recorded) + 1).toISOString();
+  const status = await page.evaluate(async ([address, valid_from]) => {
+    const headers = { 'Content-Type': 'application/json' };
+    return (await fetch(address, { method: 'PATCH', headers, body: JSON.stringify({ valid_from }) })).status;
+  }, [`/api/v1/boxes/${box.id}/calibrations/${calibration.id}`, later]);
+  assert.equal(status, 200);
+  await page.goto(`${url}/sessions/${id}`);
+  const warning = page.locator('.notice', { hasText: 'older than the set-up of its box' });
+  await warning.waitFor();
+  await takePictures('47-older-than-set-up');
+  await warning.getByRole('link', { name: `Camera and tool colours of ${box.name}` }).click();
+  await page.locator('summary', { hasText: 'All calibrations' }).click();
+  await page.getByText('valid since').first().waitFor();
+  await page.getByRole('button', { name: `Change the date: Version ${calibration.version}` }).click();
+  const dialog = page.locator('dialog[open]');
+  await takePictures('48-valid-since');
+  await dialog.getByLabel('Valid since').fill('');
+  await dialog.getByRole('button', { name: 'Save' }).click();
+  await dialog.waitFor({ state: 'detached' });
+  await takePictures('49-box-versions');
+  await page.goto(`${url}/sessions/${id}`);
+  await page.locator('.verdict').first().waitFor();
+  assert.equal(await warning.count(), 0);
+  assert.equal((await session()).setup.calibration.is_later, false);
+});
+
 test('no: its values are withheld, and the page says what to do', async () => {
   await page.goto(`${url}/sessions/${id}`);
   await answer('No, it is another box', 'It was box 3.');

@@ -4,6 +4,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use futures_util::future::join_all;
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, Connection};
 use trocar::analysis::paths::SessionPaths;
 use trocar::domain::blob::Blob;
 use trocar::domain::calibration::{CalibrationSource, NewCalibration};
@@ -53,7 +55,8 @@ impl Planter {
         let in_box = store.boxes().get(&service, &Key::from("box-1")).await.unwrap().id;
         let task = store.tasks().get(&service, &Key::from("peg")).await.unwrap().id;
         let camera = r#"{"width":640,"height":480,"fx":500.1,"fy":500.2,"cx":320,"cy":240,"rms_px":0.31}"#;
-        let new = NewCalibration { camera: CameraFile::parse(camera).unwrap(), source: CalibrationSource::File };
+        let (camera, source) = (CameraFile::parse(camera).unwrap(), CalibrationSource::File);
+        let new = NewCalibration { camera, source, valid_from_ms: None };
         store.calibrations().add(&service, in_box, new).await.unwrap();
         let marks = r#"{"tool_diameter_mm":8,"labels":[{"frame":0,"label":"orange","x":1,"y":1,"w":2,"h":2}]}"#;
         let annotations = AnnotationsFile::parse(marks).unwrap();
@@ -77,8 +80,8 @@ impl Planter {
             surroundings: None,
         };
         store.jobs().finish_palette(&lease, palette).await.unwrap();
-        let calibration = store.calibrations().latest(&service, in_box).await.unwrap().unwrap().id;
-        let palette = store.palettes().latest(&service, in_box).await.unwrap().unwrap().id;
+        let calibration = store.calibrations().in_use(&service, in_box).await.unwrap().unwrap().id;
+        let palette = store.palettes().in_use(&service, in_box).await.unwrap().unwrap().id;
         Self { store, in_box, calibration, palette, task, evidence: Vec::new() }
     }
 
@@ -225,6 +228,19 @@ impl Planter {
         };
         self.store.jobs().finish_track(lease, result).await.unwrap();
     }
+}
+
+/// Puts a version of a box's colours into the database, without learning it. Returns its id.
+pub async fn plant_palette(database: &std::path::Path, of: &str, version: i64, created_at_ms: i64) -> String {
+    let id = PaletteId::at(NEW_YEAR_MS).to_string();
+    let mut connection = SqliteConnectOptions::new().filename(database).connect().await.unwrap();
+    let insert = sqlx::query(
+        r#"INSERT INTO palette (id, box_id, version, annotations, tools, counts, samples, created_at_ms)
+           VALUES ($1, $2, $3, '{"tool_diameter_mm":8,"labels":[]}', '[]', '[]', x'01', $4)"#,
+    );
+    insert.bind(&id).bind(of).bind(version).bind(created_at_ms).execute(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
+    id
 }
 
 fn session_of(lease: &Lease) -> SessionId {

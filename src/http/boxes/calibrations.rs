@@ -3,29 +3,31 @@
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::IntoResponse;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use utoipa::ToSchema;
+use utoipa::{IntoParams, ToSchema};
 
 use super::form::{FormPictures, MultipartForm};
+use super::valid_from::parse_valid_from;
 use crate::domain::calibration::{BoardSize, CalibrationSource, NewCalibration};
 use crate::domain::camera_warning::{CameraWarning, camera_warnings};
 use crate::domain::files::camera::CameraFile;
 use crate::domain::job::{CalibrateInput, JobInput};
+use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::{Member, Staff};
 use crate::http::error::{HandlerResult, ProblemResponse};
 use crate::http::jobs::QueuedJobResponse;
-use crate::http::read::{Json, PathKey};
+use crate::http::read::{Json, Params, PathKey};
 use crate::http::show::{PageResponse, Time};
 use crate::http::state::App;
-use crate::ids::CalibrationId;
+use crate::ids::{BoxId, CalibrationId};
 use crate::store;
 
 /// A version of a box's camera calibration.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct CalibrationResponse {
     id: CalibrationId,
-    /// 1, 2, … within the box; the highest is in use.
+    /// 1, 2, … within the box.
     version: i64,
     source: CalibrationSource,
     /// Picture width, pixels.
@@ -40,11 +42,19 @@ pub struct CalibrationResponse {
     /// alone.
     warnings: Vec<CameraWarning>,
     created_at: Time,
+    /// Recordings that were made from then on are tracked with this version, until the next one is valid: `created_at`,
+    /// unless staff stated another time.
+    valid_from: Time,
+    /// True for the version that recordings made now are tracked with.
+    in_use: bool,
 }
 
-impl From<store::CalibrationRecord> for CalibrationResponse {
-    fn from(mut found: store::CalibrationRecord) -> Self {
+impl CalibrationResponse {
+    /// The version, and whether it is in use.
+    pub(super) fn new(mut found: store::CalibrationRecord, in_use: bool) -> Self {
         Self {
+            in_use,
+            valid_from: Time(found.valid_from_ms),
             id: found.id,
             version: found.version,
             source: found.source,
@@ -64,29 +74,43 @@ impl From<store::CalibrationRecord> for CalibrationResponse {
     responses((status = OK, description = "camera.json in OpenCV's convention", body = Object)))]
 pub async fn camera(State(app): State<App>, by: Member, PathKey(key): PathKey) -> HandlerResult<Json<CameraFile>> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
-    let latest = app.store.calibrations().latest(&by.scope, of.id).await?;
-    latest.map(|found| Json(found.camera)).ok_or_else(ProblemResponse::not_found)
+    let in_use = app.store.calibrations().in_use(&by.scope, of.id).await?;
+    in_use.map(|found| Json(found.camera)).ok_or_else(ProblemResponse::not_found)
+}
+
+/// Since when a camera.json is valid.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct CameraQuery {
+    /// Recordings that were made from then on are tracked with it, RFC 3339; default: now. For the calibration of an
+    /// earlier day, which must not replace the one in use.
+    valid_from: Option<String>,
 }
 
 /// Set the box's calibration from a camera.json
 ///
-/// It becomes the next version and is used from now on.
+/// It becomes the next version. Recordings that are made from now on, or from `valid_from` on, are tracked with it.
 #[utoipa::path(put, path = "/boxes/{id}/camera", tag = "boxes",
-    params(("id" = String, Path, description = "id or code")),
+    params(("id" = String, Path, description = "id or code"), CameraQuery),
     request_body(content = Object, description = "camera.json: width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3"),
     responses((status = OK, body = CalibrationResponse)))]
 pub async fn put_camera(
     State(app): State<App>,
     by: Staff,
     PathKey(key): PathKey,
+    Params(CameraQuery { valid_from }): Params<CameraQuery>,
     Json(camera): Json<CameraFile>,
 ) -> HandlerResult<Json<CalibrationResponse>> {
     let of = app.store.boxes().changeable(&by.scope, &key).await?;
     let camera = CameraFile::parse(&camera.to_json()).map_err(|error| ProblemResponse::invalid("camera", error))?;
-    let new = NewCalibration { camera, source: CalibrationSource::File };
+    let valid_from_ms = valid_from.as_deref().map(|text| parse_valid_from(text, app.clock.now_ms())).transpose()?;
+    let new = NewCalibration { camera, source: CalibrationSource::File, valid_from_ms };
     let added = app.store.calibrations().add(&by.scope, of.id, new).await?;
     app.queue.work_arrived();
-    Ok(Json(added.into()))
+    let in_use = app.store.calibrations().in_use(&by.scope, of.id).await?;
+    let is_in_use = in_use.is_some_and(|in_use| in_use.id == added.id);
+    Ok(Json(CalibrationResponse::new(added, is_in_use)))
 }
 
 /// List the versions of a box's calibration, newest first
@@ -99,8 +123,20 @@ pub async fn calibrations(
     PathKey(key): PathKey,
 ) -> HandlerResult<Json<PageResponse<CalibrationResponse>>> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
-    let versions = app.store.calibrations().list(&by.scope, of.id).await?;
-    Ok(Json(PageResponse::whole(versions.into_iter().map(CalibrationResponse::from))))
+    Ok(Json(PageResponse::whole(app.calibrations_of(&by.scope, of.id).await?)))
+}
+
+impl App {
+    /// The versions of a box's calibration, newest first.
+    pub(super) async fn calibrations_of(&self, scope: &Scope, of: BoxId) -> HandlerResult<Vec<CalibrationResponse>> {
+        let versions = self.store.calibrations().list(scope, of).await?;
+        let in_use = self.store.calibrations().in_use(scope, of).await?.map(|in_use| in_use.id);
+        let shown = |found: store::CalibrationRecord| {
+            let is_in_use = in_use == Some(found.id);
+            CalibrationResponse::new(found, is_in_use)
+        };
+        Ok(versions.into_iter().map(shown).collect())
+    }
 }
 
 /// Pictures of a checkerboard.

@@ -5,6 +5,7 @@ mod form;
 mod palette;
 mod previews;
 mod self_tests;
+mod valid_from;
 
 use axum::extract::State;
 use axum::http::StatusCode;
@@ -14,6 +15,7 @@ pub use previews::*;
 pub use self_tests::*;
 use serde::Serialize;
 use utoipa::ToSchema;
+pub use valid_from::*;
 
 use super::auth::signed_in::{Member, Staff};
 use super::error::HandlerResult;
@@ -63,8 +65,9 @@ impl App {
         scope: &Scope,
         found: store::BoxRecord,
     ) -> HandlerResult<BoxResponse> {
-        let calibration = self.store.calibrations().latest(scope, found.id).await?;
-        let palette = self.store.palettes().latest(scope, found.id).await?;
+        let calibration = self.store.calibrations().in_use(scope, found.id).await?;
+        let calibration = calibration.map(|found| CalibrationResponse::new(found, true));
+        let palette = self.store.palettes().in_use(scope, found.id).await?;
         let agent_expiry = self.store.tokens().agent_expiry(found.id).await?;
         Ok(BoxResponse {
             agent_token_expires_at: expires_soon(agent_expiry, self.clock.now_ms()).map(Time),
@@ -74,7 +77,7 @@ impl App {
             view: found.view,
             notes: found.notes,
             created_at: Time(found.created_at_ms),
-            calibration: calibration.map(CalibrationResponse::from),
+            calibration,
             palette: palette.as_ref().map(|palette| palette.version),
             self_test: self.light_of_today(scope, found.id).await?,
             tools: palette.map(|palette| palette.tools).unwrap_or_default(),

@@ -11,20 +11,21 @@ use crate::domain::boxes::BoxTool;
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::job::{AdviseInput, JobInput, NamedBlob, PaletteInput};
 use crate::domain::palette::{ColourVerdict, ConfusionRow, LabelCount, PaletteReport};
+use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::{Member, Staff};
 use crate::http::error::{HandlerResult, ProblemResponse};
 use crate::http::jobs::QueuedJobResponse;
 use crate::http::read::{Json, PathKey};
 use crate::http::show::{PageResponse, Time};
 use crate::http::state::App;
-use crate::ids::PaletteId;
+use crate::ids::{BoxId, PaletteId};
 use crate::store;
 
 /// A version of a box's colours.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct PaletteResponse {
     id: PaletteId,
-    /// 1, 2, … within the box; the highest is in use.
+    /// 1, 2, … within the box.
     version: i64,
     /// The tools, with their sizes.
     tools: Vec<BoxTool>,
@@ -40,17 +41,35 @@ pub struct PaletteResponse {
     /// The marks that the colours were learned from.
     annotations: AnnotationsFile,
     created_at: Time,
+    /// Recordings that were made from then on are tracked with this version, until the next one is valid: `created_at`,
+    /// unless staff stated another time.
+    valid_from: Time,
+    /// True for the version that recordings made now are tracked with.
+    in_use: bool,
 }
 
-impl From<store::PaletteRecord> for PaletteResponse {
-    fn from(found: store::PaletteRecord) -> Self {
-        let store::PaletteRecord { id, version, annotations, tools, counts, report, created_at_ms, .. } = found;
+impl PaletteResponse {
+    fn new(found: store::PaletteRecord, in_use: bool) -> Self {
+        let store::PaletteRecord { id, version, annotations, tools, counts, report, .. } = found;
         let (confusion, verdicts, warnings) = match report {
             Some(PaletteReport { confusion, verdicts, warnings }) => (Some(confusion), Some(verdicts), Some(warnings)),
             None => (None, None, None),
         };
-        let created_at = Time(created_at_ms);
-        Self { id, version, tools, counts, confusion, verdicts, warnings, annotations, created_at }
+        let (created_at, valid_from) = (Time(found.created_at_ms), Time(found.valid_from_ms));
+        Self { id, version, tools, counts, confusion, verdicts, warnings, annotations, created_at, valid_from, in_use }
+    }
+}
+
+impl App {
+    /// The versions of a box's colours, newest first.
+    pub(super) async fn palettes_of(&self, scope: &Scope, of: BoxId) -> HandlerResult<Vec<PaletteResponse>> {
+        let versions = self.store.palettes().list(scope, of).await?;
+        let in_use = self.store.palettes().in_use(scope, of).await?.map(|in_use| in_use.id);
+        let shown = |found: store::PaletteRecord| {
+            let is_in_use = in_use == Some(found.id);
+            PaletteResponse::new(found, is_in_use)
+        };
+        Ok(versions.into_iter().map(shown).collect())
     }
 }
 
@@ -64,8 +83,7 @@ pub async fn palettes(
     PathKey(key): PathKey,
 ) -> HandlerResult<Json<PageResponse<PaletteResponse>>> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
-    let versions = app.store.palettes().list(&by.scope, of.id).await?;
-    Ok(Json(PageResponse::whole(versions.into_iter().map(PaletteResponse::from))))
+    Ok(Json(PageResponse::whole(app.palettes_of(&by.scope, of.id).await?)))
 }
 
 /// Marked frames.

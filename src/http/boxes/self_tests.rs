@@ -119,8 +119,8 @@ pub async fn test(
     form: MultipartForm,
 ) -> HandlerResult<impl IntoResponse> {
     let of = app.store.boxes().get(&by.scope, &key).await?;
-    let calibration = app.store.calibrations().latest(&by.scope, of.id).await?.ok_or_else(|| not_set_up("camera"))?;
-    let palette = app.store.palettes().latest(&by.scope, of.id).await?.ok_or_else(|| not_set_up("colours"))?;
+    let calibration = app.store.calibrations().in_use(&by.scope, of.id).await?.ok_or_else(|| not_set_up("camera"))?;
+    let palette = app.store.palettes().in_use(&by.scope, of.id).await?.ok_or_else(|| not_set_up("colours"))?;
     let SelfTestRequest { recording, board, reach_mm } = SelfTestRequest::read(form).await?;
     let file =
         recording.files.first().ok_or_else(|| ProblemResponse::invalid("video", "is missing; send the recording"))?;

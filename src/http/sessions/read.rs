@@ -85,13 +85,15 @@ pub async fn get(State(app): State<App>, by: Member, at: PathKey) -> HandlerResu
     let arrival = app.store.feeds().arrival(&by.scope, session.id).await?;
     let early_end = app.store.feeds().early_end(&by.scope, session.id).await?;
     let interruption = app.interruption(&session).await?;
-    let response = app.judged_session(&by.scope, session).await?.with_interruption(interruption);
+    let setup = app.store.box_versions().of_session(&by.scope, session.id).await?;
+    let response = app.judged_session(&by.scope, session).await?.with_interruption(interruption).with_setup(setup);
     Ok(Json(response.with_live(live).with_arrival(arrival).with_early_end(early_end)))
 }
 
 /// Track a session again
 ///
-/// After a failure, or with a newer calibration, newer colours or a newer version of the program.
+/// After a failure, with a newer version of the program, or with the calibration and colours that were valid when it was
+/// recorded, if it was tracked with others (`setup`).
 #[utoipa::path(post, path = "/sessions/{id}/retry", tag = "sessions",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = SessionResponse)))]
 pub async fn retry(State(app): State<App>, by: Staff, at: PathKey) -> HandlerResult<Json<SessionResponse>> {

@@ -93,6 +93,9 @@ pub struct SessionResponse {
     quality: Option<Value>,
     /// Versions of the program, calibration and colours that the result was computed with.
     versions: Option<Versions>,
+    /// The versions of the box's camera and colours that the result was tracked with, with their times; `null` in lists,
+    /// while there is no result, and where Trocar did not track the session.
+    setup: Option<SetupResponse>,
     /// Id of this result, the session's latest. `GET /sessions/{id}/results` lists all.
     result: Option<ResultId>,
 }
@@ -150,6 +153,44 @@ pub struct VideoResponse {
     /// True if a stream that was pushed live arrived at another pace than its time stamps say, and the times are those of
     /// the stamps. A person who knows its true duration or frame rate gives it with `retime`.
     may_run_at_wrong_pace: bool,
+}
+
+/// What a session was tracked with. A recording is tracked with the versions that became valid last before it was recorded.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct SetupResponse {
+    calibration: UsedVersionResponse,
+    palette: UsedVersionResponse,
+}
+
+/// A version of a box's camera or colours that a session was tracked with.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct UsedVersionResponse {
+    /// 1, 2, … within the box.
+    version: i64,
+    /// When it was made.
+    created_at: Time,
+    /// Since when it is valid: `created_at`, unless staff stated another time.
+    valid_from: Time,
+    /// True if the recording is older: the box had no version at that time. The lengths are right only if the box was the
+    /// same then.
+    is_later: bool,
+    /// The version that the recording would be tracked with now; `null` if it is this one. `POST sessions/{id}/retry`
+    /// tracks it again.
+    valid_version: Option<i64>,
+}
+
+impl From<store::SessionSetup> for SetupResponse {
+    fn from(store::SessionSetup { calibration, palette }: store::SessionSetup) -> Self {
+        Self { calibration: calibration.into(), palette: palette.into() }
+    }
+}
+
+impl From<store::UsedVersion> for UsedVersionResponse {
+    fn from(used: store::UsedVersion) -> Self {
+        let store::UsedVersion { version, is_later, valid_version, .. } = used;
+        let (created_at, valid_from) = (Time(used.created_at_ms), Time(used.valid_from_ms));
+        Self { version, created_at, valid_from, is_later, valid_version }
+    }
 }
 
 /// One feature of a session.
@@ -268,6 +309,7 @@ impl SessionResponse {
             verdict: None,
             quality: None,
             versions: None,
+            setup: None,
             result: None,
         };
         if let Some(result) = result {
@@ -291,6 +333,11 @@ impl SessionResponse {
         self.interruption =
             known.map(|Interruption { recorded_s, ends_in_s }| InterruptionResponse { recorded_s, ends_in_s });
         self
+    }
+
+    /// Adds the versions of camera and colours.
+    pub fn with_setup(self, setup: Option<store::SessionSetup>) -> Self {
+        Self { setup: setup.map(SetupResponse::from), ..self }
     }
 
     /// Adds how fast a pushed stream arrived.

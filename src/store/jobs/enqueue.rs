@@ -3,6 +3,7 @@
 use sqlx::sqlite::SqliteConnection;
 
 use super::super::blobs;
+use super::super::columns::integer;
 use super::super::error::{StoreResult, missing};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::job::{JobInput, JobPriority, KeyVersion, RescoreInput, TrackInput};
@@ -104,7 +105,8 @@ pub(super) async fn requeue(tx: &mut SqliteConnection, id: JobId, now_ms: i64) -
     Ok(sqlx::query(REQUEUE).bind(id).bind(now_ms).execute(tx).await?.rows_affected() > 0)
 }
 
-/// Queues the tracking of a session with its box's latest camera and colours. Returns `None` if the box lacks one of
+/// Queues the tracking of a session with the camera and colours of its box that were valid when it was recorded. If it
+/// was tracked with them before and with others since, that earlier result becomes the current one again. Returns `None` if the box lacks one of
 /// them, if the recording is still arriving or its video was deleted, or if the session was measured by another program.
 pub(in crate::store) async fn enqueue_track(
     tx: &mut SqliteConnection,
@@ -116,10 +118,8 @@ pub(in crate::store) async fn enqueue_track(
 }
 
 const TRACK_INPUT: &str = "
-    SELECT blob.hash, blob.bytes,
-           (SELECT id FROM calibration WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS calibration,
-           (SELECT id FROM palette WHERE box_id = session.box_id ORDER BY version DESC LIMIT 1) AS palette
-    FROM session JOIN blob ON blob.hash = session.video
+    SELECT blob.hash, blob.bytes, setup.calibration_id AS calibration, setup.palette_id AS palette
+    FROM session JOIN blob ON blob.hash = session.video JOIN valid_setup AS setup ON setup.session_id = session.id
     WHERE session.id = $1 AND session.tracker IS NULL AND blob.dropped_at_ms IS NULL";
 
 /// Like [`enqueue_track`], with the given priority.
@@ -142,8 +142,59 @@ pub(in crate::store) async fn enqueue_track_with_priority(
     let (Some(calibration), Some(palette)) = (row.calibration, row.palette) else { return Ok(None) };
     let video = Blob { hash: row.hash, bytes: row.bytes.unsigned_abs() };
     let (time, time_revision) = time_in_force(tx, session).await?;
-    let input = JobInput::Track(TrackInput { session, video, calibration, palette, time, time_revision });
-    insert_with_priority(tx, &input, priority, now_ms, max_attempts).await.map(Some)
+    let input = TrackInput { session, video, calibration, palette, time, time_revision };
+    let job = insert_with_priority(tx, &JobInput::Track(input.clone()), priority, now_ms, max_attempts).await?;
+    recall(tx, job, &input, (now_ms, max_attempts)).await?;
+    Ok(Some(job))
+}
+
+/// Whether the job is done, but the session has a result with another camera or other colours since, or failed with them.
+const SELECT_IS_SUPERSEDED: &str = "
+    SELECT job.state = 'done'
+           AND (EXISTS (SELECT 1 FROM tracking_job AS latest
+                        WHERE latest.session_id = job.session_id AND latest.state IN ('failed', 'quarantined'))
+                OR NOT EXISTS (SELECT 1 FROM current_result AS result
+                               WHERE result.session_id = job.session_id AND result.calibration_id = $2
+                                 AND result.palette_id = $3))
+    FROM job WHERE job.id = $1";
+
+/// The latest result of a session by this program with this camera, these colours and these times.
+const SELECT_EARLIER_RESULT: &str = "
+    SELECT id FROM result
+    WHERE session_id = $1 AND calibration_id = $2 AND palette_id = $3 AND time_revision = $4
+      AND coalesce(tracked_with, pipeline) = $5
+    ORDER BY rowid DESC LIMIT 1";
+
+/// The latest row is the current one, so an earlier one moves to the end.
+const MOVE_RESULT_TO_END: &str = "UPDATE result SET rowid = (SELECT max(rowid) + 1 FROM result) WHERE id = $1";
+
+const MOVE_JOB_TO_END: &str = "UPDATE job SET rowid = (SELECT max(rowid) + 1 FROM job) WHERE id = $1";
+
+/// Makes the result of a tracking job that is done the current one again, if the session was tracked with another camera
+/// or other colours since: their valid times were changed and changed back. Does nothing for any other job.
+async fn recall(
+    tx: &mut SqliteConnection,
+    job: JobId,
+    input: &TrackInput,
+    (now_ms, max_attempts): (i64, u32),
+) -> StoreResult<()> {
+    let is_superseded = sqlx::query_scalar(SELECT_IS_SUPERSEDED).bind(job).bind(input.calibration).bind(input.palette);
+    if !is_superseded.fetch_one(&mut *tx).await? {
+        return Ok(());
+    }
+    let result = sqlx::query_scalar(SELECT_EARLIER_RESULT).bind(input.session).bind(input.calibration);
+    let result = result.bind(input.palette).bind(integer(input.time_revision)).bind(PIPELINE_VERSION);
+    let Some(result): Option<ResultId> = result.fetch_optional(&mut *tx).await? else { return Ok(()) };
+    sqlx::query(MOVE_RESULT_TO_END).bind(result).execute(&mut *tx).await?;
+    sqlx::query(MOVE_JOB_TO_END).bind(job).execute(&mut *tx).await?;
+    let (session, edits) = (input.session, revision(tx, input.session).await?);
+    if let Some(CurrentResult { id, trajectory, edits: made_with, .. }) = current_result(tx, session).await?
+        && made_with != edits
+    {
+        let input = JobInput::Rescore(RescoreInput { session, result: id, trajectory, edits });
+        insert(tx, &input, now_ms, max_attempts).await?;
+    }
+    Ok(())
 }
 
 /// Queues the scoring of the current result's path with the edits that are in force. If that path has other times than

@@ -14,7 +14,7 @@ use super::{SessionRecord, SessionStore};
 use crate::domain::blob::BlobHash;
 use crate::domain::job::{ImportInput, JobInput, JobState};
 use crate::domain::session::{ForeignPath, NewSession, RecordedAtSource};
-use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
+use crate::ids::{BoxId, JobId, ResultId, SessionId, TaskId, TraineeId};
 
 pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id = $1";
 
@@ -97,8 +97,9 @@ impl SessionStore<'_> {
         self.get(scope, id).await
     }
 
-    /// Tracks a session again: after a failure, or because pipeline, camera or colours have a newer version. Does
-    /// nothing while the session is queued or running.
+    /// Tracks a session again: after a failure, or because the program has a newer version, or because other versions of
+    /// camera or colours were valid when it was recorded than those that it was tracked with. Does nothing while the
+    /// session is queued or running.
     pub async fn retry(&self, scope: &Scope, id: SessionId) -> StoreResult<SessionRecord> {
         let session = self.get(scope, id).await?;
         if session.tracker.is_some() {
@@ -113,8 +114,11 @@ impl SessionStore<'_> {
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
+                let before = read_outcome(tx, id).await?;
                 let Some(job) = enqueue_track(tx, id, now_ms, attempts).await? else { return Ok(()) };
-                refuse_if_done(tx, job).await?;
+                if read_outcome(tx, id).await? == before {
+                    refuse_if_done(tx, job).await?;
+                }
                 note(tx, &by, now_ms, ("retry", "session"), id).await
             })
             .await?;
@@ -213,11 +217,20 @@ async fn refuse_duplicate(
     existing.map_or(Ok(()), |id| Err(StoreError::Taken { what: "recording", existing: Some(id) }))
 }
 
+const SELECT_OUTCOME: &str = "
+    SELECT (SELECT id FROM tracking_job WHERE session_id = $1), (SELECT id FROM current_result WHERE session_id = $1)";
+
+/// The job that determines the session's status, and its current result.
+async fn read_outcome(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<(Option<JobId>, Option<ResultId>)> {
+    Ok(sqlx::query_as(SELECT_OUTCOME).bind(session).fetch_one(tx).await?)
+}
+
 async fn refuse_if_done(tx: &mut SqliteConnection, job: JobId) -> StoreResult<()> {
     let state: JobState = sqlx::query_scalar(SELECT_JOB_STATE).bind(job).fetch_one(tx).await?;
     if state == JobState::Done {
         return Err(StoreError::refused(
-            "the session is already scored with the current versions of program, camera and colours",
+            "the session is already scored with the current version of the program, and with the camera and colours that \
+             were valid when it was recorded",
         ));
     }
     Ok(())

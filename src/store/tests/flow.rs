@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crate::domain::blob::Blob;
+use crate::domain::calibration::NewCalibration;
 use crate::domain::clock::TimeCorrection;
 use crate::domain::edit::EditChange;
 use crate::domain::job::JobInput;
@@ -104,7 +105,9 @@ async fn the_result_that_was_stored_last_counts_although_the_clock_was_set_back(
     let trainee = centre.trainee("Ana").await;
     let id = centre.practised(trainee.id, NOW_MS, vec![duration(40.0, 1.0)]).await.id;
     centre.clock.set_back(Duration::from_secs(86_400));
-    centre.calibrate().await; // a newer camera: the session may be tracked again
+    // Another camera of that moment: the session may be tracked again.
+    let other = NewCalibration { valid_from_ms: Some(NOW_MS), ..TestCentre::new_calibration() };
+    centre.store.calibrations().add(&service, centre.the_box.id, other).await.unwrap();
     assert_eq!(sessions.retry(&service, id).await.unwrap().status(), SessionStatus::Queued);
     let lease = centre.claim().await.unwrap();
     let result = NewResult { features: vec![duration(60.0, 1.0)], ..centre.result(id).await };

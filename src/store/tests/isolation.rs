@@ -163,7 +163,7 @@ async fn an_agent_sees_its_box_and_no_person() {
     let boxes = store.boxes().list(&agent, &PageRequest::default()).await.unwrap();
     assert_eq!(boxes.items.iter().map(|found| found.id).collect::<Vec<_>>(), [centre.the_box.id]);
     assert!(store.boxes().get(&agent, &Key::from(&other.id)).await.is_err());
-    assert!(store.calibrations().latest(&agent, centre.the_box.id).await.unwrap().is_some());
+    assert!(store.calibrations().in_use(&agent, centre.the_box.id).await.unwrap().is_some());
     assert!(store.tasks().list(&agent, &PageRequest::default()).await.unwrap().items.is_empty());
     assert!(store.trainees().list(&agent, &PageRequest::default()).await.unwrap().items.is_empty());
 }

@@ -1,6 +1,7 @@
 //! Tests of the store, each on its own database.
 
 mod audit;
+mod box_versions;
 mod cohorts;
 mod courses;
 mod edits;

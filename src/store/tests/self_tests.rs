@@ -43,8 +43,8 @@ async fn test(centre: &TestCentre, by: &Scope, recording: &Blob, light: TrafficL
 
 async fn send(centre: &TestCentre, by: &Scope, recording: &Blob) -> SelfTestInput {
     let (service, of) = (Scope::service(), centre.the_box.id);
-    let calibration = centre.store.calibrations().latest(&service, of).await.unwrap().unwrap().id;
-    let palette = centre.store.palettes().latest(&service, of).await.unwrap().unwrap().id;
+    let calibration = centre.store.calibrations().in_use(&service, of).await.unwrap().unwrap().id;
+    let palette = centre.store.palettes().in_use(&service, of).await.unwrap().unwrap().id;
     let input = SelfTestInput {
         of,
         person: by.person(),

@@ -111,6 +111,6 @@ async fn a_newer_calibration_makes_a_scored_session_scorable_again_and_keeps_the
     score().await;
     assert_eq!(centre.store.count_results().await, 2);
     let latest = sessions.result(&service, session.id).await.unwrap().unwrap();
-    let calibration = centre.store.calibrations().latest(&service, centre.the_box.id).await.unwrap().unwrap();
+    let calibration = centre.store.calibrations().in_use(&service, centre.the_box.id).await.unwrap().unwrap();
     assert_eq!((latest.versions.calibration, calibration.version), (Some(calibration.id), 2));
 }

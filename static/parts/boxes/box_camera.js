@@ -33,10 +33,11 @@ const FILE_FIELDS = [
     accept: '.json,application/json',
     required: true,
   },
+  { name: 'from', label: words.putFrom, hint: words.putFromHint, type: 'datetime-local' },
 ];
 
 /** @param {Props} props */
-export function CameraSummary({ camera, calibration, calibrations }) {
+export function CameraSummary({ camera, calibration }) {
   if (!camera) return html`<p class="muted">${words.noCamera}</p>`;
   const facts = [
     [words.rms, Number.isFinite(camera.rms_px) ? `${number(camera.rms_px)} px` : '–'],
@@ -52,10 +53,7 @@ export function CameraSummary({ camera, calibration, calibrations }) {
     <${CameraWarnings} calibration=${calibration} />
     <dl class="facts">${facts.map(([name, value]) => html`<dt key=${name}>${name}</dt><dd>${value}</dd>`)}</dl>
     ${camera.photos?.length > 0 && html`<details><summary>${words.photos}</summary>
-      <${Photos} photos=${camera.photos} /></details>`}
-    ${calibrations && calibrations.length > 1 && html`<details><summary>${words.history}</summary><ul>
-      ${calibrations.map(one => html`<li key=${one.id}>
-      ${dateTime(one.created_at)} · ${words.rms} ${number(one.rms_px)} px</li>`)}</ul></details>`}`;
+      <${Photos} photos=${camera.photos} /></details>`}`;
 }
 
 const Photos = ({ photos }) => html`
@@ -88,8 +86,8 @@ export function CameraForms({ box, onChange }) {
     setSaved(false);
     setJob(jobIdOf(await api.boxes.calibrate(box.id, form)));
   };
-  const put = async ({ file: [file] }) => {
-    await api.boxes.putCamera(box.id, await readJson(file));
+  const put = async ({ file: [file], from }) => {
+    await api.boxes.putCamera(box.id, await readJson(file), from ? new Date(from).toISOString() : undefined);
     setSaved(true);
     onChange();
   };

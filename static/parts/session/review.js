@@ -22,6 +22,7 @@ import { Quality } from './quality.js';
 import { Ratings } from './ratings.js';
 import { Readouts, ToolSwitches } from '../playback/readouts.js';
 import { evidenceByFeature } from './evidence.js';
+import { usedVersionText } from './setup_versions.js';
 import { SpanBar } from './span_bar.js';
 import { buildTrack } from '../playback/track.js';
 
@@ -188,7 +189,7 @@ const short = version => (/^[0-9a-f-]{20,}$/.test(version) ? `…${version.slice
 
 /** @param {Props} props */
 function SessionVersions({ session, played }) {
-  const { video, versions } = session;
+  const { video, versions, setup } = session;
   // A recording that was not scored has no facts of the service; the browser may have some.
   const { width, height, duration_s: duration } = video?.width ? video : { ...video, ...played };
   return html`
@@ -199,7 +200,8 @@ function SessionVersions({ session, played }) {
           ${Number.isFinite(duration) && html`<dt>${words.length}</dt><dd>${clock(duration)}</dd>`}
           ${Number.isFinite(video.bytes) && html`<dt>${words.file}</dt><dd>${bytes(video.bytes)}</dd>`}`}
         ${Object.entries(words.version).map(([key, name]) => html`<dt key=${key}>${name}</dt>
-          <dd class="code" title=${versions?.[key]}>${short(versions?.[key])}</dd>`)}
+          ${setup?.[key] ? html`<dd title=${versions?.[key]}>${usedVersionText(setup[key])}</dd>`
+            : html`<dd class="code" title=${versions?.[key]}>${short(versions?.[key])}</dd>`}`)}
       </dl>
       ${session.status === 'done' && html`
         <div class="downloads">

@@ -6,6 +6,7 @@ mod audit;
 mod bare_tools;
 mod base_path;
 mod box_question;
+mod box_versions;
 pub mod centre;
 mod centre_name;
 mod courses;

@@ -74,7 +74,7 @@ impl Centre {
     }
 
     async fn calibrate(&self, camera: CameraFile) {
-        let new = NewCalibration { camera, source: CalibrationSource::File };
+        let new = NewCalibration { camera, source: CalibrationSource::File, valid_from_ms: None };
         self.store.calibrations().add(&Scope::service(), self.the_box.id, new).await.unwrap();
     }
 
@@ -176,7 +176,7 @@ async fn a_recording_becomes_features_path_diagnostics_and_picture() {
     assert!(diagnostics["columns"]["tip_u_px"].as_array().unwrap().iter().any(|tip| tip.is_number()));
     let preview = centre.vault.read(result.preview.unwrap(), 1 << 20).await.unwrap();
     assert!(image::load_from_memory(&preview).unwrap().width() > 100);
-    let colours = centre.store.palettes().latest(&service, centre.the_box.id).await.unwrap().unwrap().report.unwrap();
+    let colours = centre.store.palettes().in_use(&service, centre.the_box.id).await.unwrap().unwrap().report.unwrap();
     let grades: Vec<_> = colours.verdicts.iter().map(|verdict| verdict.grade).collect();
     assert_eq!((grades, colours.warnings), (vec![ColourGrade::Good; 2], vec![]));
     centre.close().await;
@@ -240,7 +240,7 @@ async fn a_worker_whose_lease_is_lost_ends_its_child_and_saves_nothing() {
     centre.clock.advance(Duration::from_secs(10)); // the next heartbeat finds out
     centre.wait_for_job(job, &[JobState::Running]).await; // the worker is free for the next job: this one again
     assert_eq!(centre.job(job).await.attempt, 1, "a lost lease is no attempt");
-    assert!(centre.store.palettes().latest(&Scope::service(), centre.the_box.id).await.unwrap().is_none());
+    assert!(centre.store.palettes().in_use(&Scope::service(), centre.the_box.id).await.unwrap().is_none());
     centre.close().await;
 }
 

@@ -14,6 +14,7 @@ use trocar::time::SystemClock;
 use super::{MISSING, ROLES};
 use crate::api::centre::{Centre, PASSWORD, recording};
 use crate::api::tus;
+use crate::planted::plant_palette;
 use crate::support::{ADMINISTRATOR, Client, Service, read};
 
 /// A caller, signed in or not.
@@ -166,6 +167,8 @@ impl FilledCentre {
                 let person = self.centre.administrator.make("/api/v1/people", account).await;
                 ("password-links", json!({"person": person["id"]}))
             }
+            "calibration" => return self.calibration(owned("Box")).await,
+            "palette" => return self.palette(owned("Box")).await,
             "group" => return Subject::of(text(group)),
             "shared" => return Subject::of(self.shared_trainee(number).await),
             "sign-in" => return Subject::of(self.sign_in(side, caller).await),
@@ -180,6 +183,22 @@ impl FilledCentre {
             _ => return self.make_of_session(kind, side, caller, number).await,
         };
         Subject::of(text(&self.centre.administrator.make(&format!("/api/v1/{noun}"), body).await["id"]))
+    }
+
+    /// A new box, and the version of its camera.
+    async fn calibration(&self, new_box: Value) -> Subject {
+        let administrator = &self.centre.administrator;
+        let id = text(&administrator.make("/api/v1/boxes", new_box).await["id"]);
+        let camera = json!({"width": 640, "height": 480, "fx": 500, "fy": 500, "cx": 320, "cy": 240});
+        let put = administrator.put(&format!("/api/v1/boxes/{id}/camera"), camera).await;
+        Subject { id, part: text(&read(put, StatusCode::OK).await["id"]) }
+    }
+
+    /// A new box, and the version of its colours.
+    async fn palette(&self, new_box: Value) -> Subject {
+        let id = text(&self.centre.administrator.make("/api/v1/boxes", new_box).await["id"]);
+        let part = plant_palette(&self.centre.service.data.path().join("trocar.db"), &id, 1, 0).await;
+        Subject { id, part }
     }
 
     /// A session, or something that belongs to one.
