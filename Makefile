@@ -124,6 +124,10 @@ feed-faults: test-packages ## send 500 recordings frame by frame, each with ten 
 long-absence: test-packages ## stop the service for ten minutes while an agent records; TROCAR_AWAY_S=60 for one minute
 	cargo test --locked --test integration away_for_long -- --ignored --nocapture
 
+.PHONY: old-recordings
+old-recordings: test-packages ## send 400 old recordings by `trocar upload`, killed at ten random moments: each arrives once
+	cargo test --locked --test integration four_hundred_recordings -- --ignored --nocapture
+
 .PHONY: live-load
 live-load: release test-packages ## measure how many boxes this machine sustains, and the latency of positions; LOAD=tape or LOAD=bare for one kind
 	$(if $(LOAD),TROCAR_LOAD=$(LOAD)) TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration this_machine_sustains -- --ignored --nocapture

@@ -30,6 +30,7 @@ pub mod serve;
 pub mod simulate;
 mod table;
 mod track;
+mod upload;
 mod verdict;
 
 /// Measures how surgeons move in a laparoscopic box trainer.
@@ -62,6 +63,8 @@ enum Command {
     Simulate(simulate::SimulateArgs),
     /// Compare trajectories with the truth, or with each other.
     Evaluate(evaluate::EvaluateArgs),
+    /// Send a folder of old recordings to the service: first shows what would happen, then sends.
+    Upload(upload::UploadArgs),
     /// Manage accounts and tokens, back up the data, check database and files.
     Admin(admin::AdminArgs),
     /// Run as a confined child process of the service; not for people.
@@ -82,6 +85,7 @@ pub fn run(cli: Cli) -> Result<(), CommandFailure> {
         Command::Model(args) => model::run(args),
         Command::Simulate(args) => simulate::run(args),
         Command::Evaluate(args) => evaluate::run(args),
+        Command::Upload(args) => upload::run(args),
         Command::Admin(args) => admin::run(args),
         Command::Child(args) => child::run(args),
     }

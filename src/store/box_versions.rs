@@ -3,7 +3,8 @@
 //!
 //! A version is valid from the time at which it was stored, unless staff state another time. A recording is tracked with
 //! the version that became valid last before it was recorded. If two became valid at the same moment, the later version
-//! counts. A recording that is older than all versions is tracked with the one that became valid first.
+//! counts. A recording that is older than all versions is tracked with the one that became valid first. The views
+//! `session_time` and `valid_setup` (`migrations/0043_valid_from.sql`) have this rule.
 
 use super::audit::note;
 use super::error::{StoreResult, not_found};
@@ -40,7 +41,7 @@ pub struct SessionSetup {
 
 const SELECT_USED_CALIBRATION: &str = "
     SELECT used.version, used.created_at_ms, coalesce(used.valid_from_ms, used.created_at_ms) AS valid_from_ms,
-           coalesce(used.valid_from_ms, used.created_at_ms) > session.recorded_at_ms AS is_later,
+           coalesce(used.valid_from_ms, used.created_at_ms) > setup.made_at_ms AS is_later,
            nullif((SELECT version FROM calibration WHERE id = setup.calibration_id), used.version) AS valid_version
     FROM session JOIN current_result AS result ON result.session_id = session.id
     JOIN valid_setup AS setup ON setup.session_id = session.id
@@ -49,7 +50,7 @@ const SELECT_USED_CALIBRATION: &str = "
 
 const SELECT_USED_PALETTE: &str = "
     SELECT used.version, used.created_at_ms, coalesce(used.valid_from_ms, used.created_at_ms) AS valid_from_ms,
-           coalesce(used.valid_from_ms, used.created_at_ms) > session.recorded_at_ms AS is_later,
+           coalesce(used.valid_from_ms, used.created_at_ms) > setup.made_at_ms AS is_later,
            nullif((SELECT version FROM palette WHERE id = setup.palette_id), used.version) AS valid_version
     FROM session JOIN current_result AS result ON result.session_id = session.id
     JOIN valid_setup AS setup ON setup.session_id = session.id

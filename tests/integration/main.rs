@@ -32,3 +32,4 @@ mod support;
 mod surroundings;
 mod truth;
 mod updates;
+mod upload_command;

@@ -9,13 +9,14 @@ use serde::Deserialize;
 use utoipa::IntoParams;
 
 use super::show::SessionResponse;
+use crate::domain::blob::BlobHash;
 use crate::domain::feed::close_reason::CloseCode;
 use crate::domain::scope::Scope;
 use crate::domain::session::{BoxQuestion, SessionStatus};
 use crate::domain::text::Key;
 use crate::events::Event;
 use crate::http::auth::signed_in::{Member, Staff};
-use crate::http::error::{HandlerResult, Refusal};
+use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::read::{Json, Params, PathKey};
 use crate::http::show::{PageResponse, Paging};
 use crate::http::state::App;
@@ -39,6 +40,8 @@ pub struct SessionsQuery {
     in_box: Option<Key>,
     /// Only with this status.
     status: Option<SessionStatus>,
+    /// Only with this recording: SHA-256 of the file, 64 hexadecimal digits.
+    sha256: Option<String>,
     /// Most items on the page, 1 to 200.
     #[param(minimum = 1, maximum = 200)]
     limit: Option<u32>,
@@ -56,9 +59,14 @@ pub async fn list(
     by: Member,
     Params(which): Params<SessionsQuery>,
 ) -> HandlerResult<Json<PageResponse<SessionResponse>>> {
-    let SessionsQuery { trainee, task, in_box, status, limit, cursor } = which;
+    let SessionsQuery { trainee, task, in_box, status, sha256, limit, cursor } = which;
+    let recording = sha256.map(|text| {
+        let why = "expected the SHA-256 of a file, 64 hexadecimal digits";
+        text.to_ascii_lowercase().parse::<BlobHash>().map_err(|_| ProblemResponse::invalid("sha256", why))
+    });
+    let recording = recording.transpose()?;
     let page = Paging::new(limit, cursor).request("sessions", app.settings.page_items)?;
-    let filter = SessionFilter { trainee, task, in_box, status, only_counting: false };
+    let filter = SessionFilter { trainee, task, in_box, status, only_counting: false, recording };
     let store::Page { items, next } = app.store.sessions().list(&by.scope, &filter, &page).await?;
     let (mut shown, mut standards) = (Vec::with_capacity(items.len()), HashMap::new());
     for session in items {

@@ -18,7 +18,7 @@ use extent::{FrameStatement, FramesRead};
 pub(super) use presentation::{first_shown, hides_frames, is_before, start_of};
 pub(super) use statements::stated_size;
 pub use statements::{RecordingInfo, WholeRecording};
-use statements::{capture_rate_of, is_plausible_duration, shown_size, stated_duration};
+use statements::{capture_rate_of, created_at_of, is_plausible_duration, shown_size, stated_duration};
 
 use super::clock::FrameClock;
 use super::orientation::PictureOrientation;
@@ -132,6 +132,7 @@ impl VideoFile {
                 duration_s,
                 rate_hz: has_rate.then_some(rate),
                 capture_rate_hz: capture_rate_of(&input),
+                created_at_ms: created_at_of(&input),
             },
             statement: FrameStatement::of(&input, listed, is_cut),
             input,

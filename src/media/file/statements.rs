@@ -4,6 +4,7 @@ use ffmpeg_next::{ffi, format};
 
 use super::MediaError;
 use crate::domain::clock::FRAME_RATES_HZ;
+use crate::time::from_rfc3339;
 
 /// The container's statements, before a frame is decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +23,8 @@ pub struct RecordingInfo {
     pub rate_hz: Option<f64>,
     /// Rate at which the recorder says that it captured, Hz. In slow motion it differs from the frame rate.
     pub capture_rate_hz: Option<f64>,
+    /// When the file says that it was recorded, epoch ms.
+    pub created_at_ms: Option<i64>,
 }
 
 /// What is known of a recording after its last picture.
@@ -67,6 +70,13 @@ const CAPTURE_RATE: &str = "com.android.capture.fps";
 pub(super) fn capture_rate_of(input: &format::context::Input) -> Option<f64> {
     let stated = input.metadata().get(CAPTURE_RATE)?.trim().parse().ok();
     stated.filter(|rate| FRAME_RATES_HZ.contains(rate))
+}
+
+/// 2000-01-01. Devices without a clock state the beginning of their epoch: 1904, 1970 or 1980.
+const MIN_CREATED_AT_MS: i64 = 946_684_800_000;
+
+pub(super) fn created_at_of(input: &format::context::Input) -> Option<i64> {
+    from_rfc3339(input.metadata().get("creation_time")?.trim()).filter(|at_ms| *at_ms >= MIN_CREATED_AT_MS)
 }
 
 pub(super) fn stated_duration(ticks: i64) -> Option<f64> {

@@ -119,6 +119,8 @@ pub struct SessionFilter {
     pub status: Option<SessionStatus>,
     /// Only sessions that count: neither set aside, nor of a box that is asked about.
     pub only_counting: bool,
+    /// Only sessions with this recording.
+    pub recording: Option<BlobHash>,
 }
 
 /// A session that was read once for many callers.
@@ -206,6 +208,7 @@ const SELECT_SESSIONS: &str = "
       AND ($7 IS NULL OR id < $7)
       AND (NOT $8
            OR NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session_record.id))
+      AND ($10 IS NULL OR id IN (SELECT same.id FROM session AS same WHERE same.video = $10))
     ORDER BY id DESC LIMIT $9";
 
 const SELECT_SESSION: &str = "
@@ -232,7 +235,8 @@ impl SessionStore<'_> {
             .bind(which.status.map(SessionStatus::name))
             .bind(page.after())
             .bind(which.only_counting)
-            .bind(page.row_limit());
+            .bind(page.row_limit())
+            .bind(which.recording);
         let mut rows: Vec<SessionRecord> = rows.fetch_all(self.0.readers()).await?;
         self.fill_queue_positions(&mut rows).await?;
         Ok(Page::from_rows(rows, page, |session: &SessionRecord| session.id.to_string()))

@@ -4,15 +4,18 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 
+use crate::domain::blob::Blob;
 use crate::domain::calibration::NewCalibration;
 use crate::domain::edit::EditChange;
+use crate::domain::feed::FrameCodec;
 use crate::domain::job::{JobInput, TrackInput};
 use crate::domain::scope::Scope;
 use crate::domain::session::{NewResult, NewSession, SessionStatus, Versions};
-use crate::ids::{CalibrationId, SessionId};
+use crate::ids::{CalibrationId, FeedId, SessionId};
 use crate::motion::PIPELINE_VERSION;
 use crate::store::testing::{NOW_MS, TestCentre, duration};
-use crate::store::{EditBasis, Lease, StoreError};
+use crate::store::{EditBasis, Lease, NewFeed, StoreError};
+use crate::time::Clock;
 
 const DAY_MS: i64 = 86_400_000;
 
@@ -89,6 +92,35 @@ async fn a_camera_of_an_earlier_day_does_not_replace_the_one_in_use() {
     assert_eq!(centre.claim_tracking().await.1.calibration, earlier);
     centre.recorded_at("new", NOW_MS).await;
     assert_eq!(centre.claim_tracking().await.1.calibration, in_use);
+}
+
+#[tokio::test]
+async fn the_clock_beside_a_box_may_be_minutes_slow_after_a_calibration() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let first = centre.in_use_camera().await;
+    centre.clock.advance(Duration::from_secs(3600));
+    let new = centre.calibration(None).await;
+    let trainee = centre.trainee("Ana").await.id;
+    for (minutes_slow, expected) in [(3, new), (30, first)] {
+        let new_feed = NewFeed {
+            id: FeedId::at(NOW_MS),
+            trainee,
+            task: centre.task.id,
+            in_box: centre.the_box.id,
+            codec: FrameCodec::Jpeg,
+            size: (640, 480),
+            time_base: [1, 90_000].try_into().unwrap(),
+            began_at_ms: centre.clock.now_ms() - minutes_slow * 60_000,
+            sender: "an agent".to_owned(),
+            is_push: false,
+            resumes: true,
+        };
+        let feed = centre.store.feeds().open(&Scope::service(), new_feed, 9).await.unwrap();
+        let video = Blob::of(format!("{minutes_slow}").as_bytes());
+        let session = centre.store.feeds().end(feed.id, video, None, None).await.unwrap();
+        let (_, input) = centre.claim_tracking().await;
+        assert_eq!((input.session, input.calibration), (session, expected), "{minutes_slow} min");
+    }
 }
 
 #[tokio::test]
