@@ -17,13 +17,12 @@
       parts/playback/readouts.js parts/playback/space_painter.js parts/playback/track.js
       parts/recording/recording_target.js parts/session/advice.js parts/session/box_question.js
       parts/session/cohort_places.js parts/session/comments.js parts/session/compared_space.js
-      parts/session/edit_dialog.js parts/session/edits.js parts/session/error_score.js
-      parts/session/error_sheet.js parts/session/error_sheets.js parts/session/evidence.js
-      parts/session/feature_folds.js
+      parts/session/edit_dialog.js parts/session/edits.js parts/session/error_score.js parts/session/error_sheet.js
+      parts/session/error_sheets.js parts/session/evidence.js parts/session/feature_folds.js
       parts/session/feature_notes.js parts/session/features.js parts/session/ghost.js parts/session/moves.js
       parts/session/outcome_card.js parts/session/quality.js parts/session/ratings.js parts/session/review.js
-      parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js parts/tasks/hand_choice.js watch.js
-      with_error.js`,
+      parts/session/setup_versions.js parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js
+      parts/tasks/hand_choice.js watch.js with_error.js`,
       parts/session/edit_dialog.js parts/session/edits.js parts/session/evidence.js parts/session/features.js
       parts/session/ghost.js parts/session/moves.js parts/session/outcome_card.js parts/session/quality.js
       parts/session/ratings.js parts/session/review.js parts/session/setup_versions.js
@@ -37,8 +36,8 @@
     task: `
       format.js pages/task.js parts/charts/axis.js parts/charts/spread_plot.js parts/forms/dialog.js
       parts/forms/focus.js parts/page/status.js parts/session/error_score.js parts/tasks/error_list_form.js
-      parts/tasks/errors.js parts/tasks/hand_choice.js parts/tasks/raters.js parts/tasks/score_formula_form.js
-      parts/tasks/rescorings.js parts/tasks/skill_model.js parts/tasks/space_choice.js parts/tasks/spread.js
+      parts/tasks/errors.js parts/tasks/hand_choice.js parts/tasks/raters.js parts/tasks/rescorings.js
+      parts/tasks/score_formula_form.js parts/tasks/skill_model.js parts/tasks/space_choice.js parts/tasks/spread.js
       parts/tasks/standard.js parts/tasks/standard_effect.js parts/tasks/standard_form.js
       parts/tasks/standard_target.js with_error.js`,
   };
