@@ -420,7 +420,7 @@ CREATE TABLE session (
     media_type     TEXT NOT NULL CHECK (length(media_type) BETWEEN 3 AND 127), -- the recording's type, as video/mp4
     video          TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- the recording; NULL: it is still arriving
     recorded_at_ms INTEGER NOT NULL,                                         -- when it was recorded, epoch ms
-    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0), tracker TEXT CHECK (length(tracker) BETWEEN 1 AND 40), box_question TEXT CHECK (box_question IN ('asked', 'this_box', 'other_box')), recorded_at_source TEXT NOT NULL DEFAULT 'claimed' CHECK (recorded_at_source IN ('claimed', 'arrival')), path_hash TEXT CHECK (length(path_hash) = 64),              -- when it was whole here, epoch ms
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0), tracker TEXT CHECK (length(tracker) BETWEEN 1 AND 40), box_question TEXT CHECK (box_question IN ('asked', 'this_box', 'other_box')), recorded_at_source TEXT NOT NULL DEFAULT 'claimed' CHECK (recorded_at_source IN ('claimed', 'arrival')), path_hash TEXT CHECK (length(path_hash) = 64), supervision TEXT CHECK (supervision IN ('sent_by_staff', 'marked', 'none')), supervised_by TEXT REFERENCES person (id) ON DELETE SET NULL, supervised_at_ms INTEGER CHECK (supervised_at_ms >= 0), date_known INTEGER NOT NULL DEFAULT 0 CHECK (date_known IN (0, 1)),              -- when it was whole here, epoch ms
     UNIQUE (trainee_id, task_id, box_id, video)
 ) STRICT;
 
@@ -709,7 +709,13 @@ CREATE INDEX session_box_order ON session (box_id, created_at_ms, id, box_questi
 
 CREATE INDEX session_came ON session (created_at_ms, id);
 
+CREATE INDEX session_path ON session (path_hash) WHERE path_hash IS NOT NULL;
+
 CREATE INDEX session_practised ON session (trainee_id, task_id, recorded_at_ms, id);
+
+CREATE INDEX session_recorded ON session (recorded_at_ms, id);
+
+CREATE INDEX session_supervised_by ON session (supervised_by) WHERE supervised_by IS NOT NULL;
 
 CREATE INDEX session_task ON session (task_id);
 
@@ -862,6 +868,66 @@ CREATE VIEW practised_session AS
            session.box_question, job.state AS job_state, result.id AS result_id, result.pipeline, result.calibration_id,
            result.verdict = 'refused' AS refused
     FROM session
+    LEFT JOIN tracking_job AS job ON job.session_id = session.id
+    LEFT JOIN current_result AS result ON result.session_id = session.id;
+
+CREATE VIEW session_background (session_id, recorded_at_source, date_known, supervision, supervised_at_ms, supervisor) AS
+    SELECT session.id, session.recorded_at_source, session.date_known, session.supervision, session.supervised_at_ms, person.name
+    FROM session LEFT JOIN person ON person.id = session.supervised_by;
+
+CREATE VIEW session_outcome (session_id, verdict, outcome) AS
+    SELECT session.id, result.verdict,
+           CASE
+               WHEN session.video IS NULL THEN 'receiving'
+               WHEN job.state IN ('quarantined', 'failed') THEN job.state
+               WHEN job.state = 'running' THEN 'tracking'
+               WHEN job.state IS NULL
+                    AND EXISTS (SELECT 1 FROM blob WHERE hash = session.video AND dropped_at_ms IS NOT NULL) THEN 'failed'
+               WHEN job.state IS NOT 'done' THEN 'queued'
+               WHEN session.box_question = 'asked' THEN 'box_asked'
+               WHEN session.box_question = 'other_box' THEN 'other_box'
+               WHEN result.verdict = 'refused' THEN 'refused'
+               WHEN EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id) THEN 'done'
+               ELSE coalesce(
+                   (SELECT (SELECT CASE WHEN min(met) = 0 THEN 'missed'
+                                        WHEN count(*) > 0 AND count(met) = count(*) THEN 'passed'
+                                        ELSE 'undecided' END
+                            FROM (SELECT CASE
+                                             WHEN target.value ->> '$.made_from.pipeline' <> result.pipeline THEN NULL
+                                             WHEN target.value ->> '$.made_from.handedness' IS NOT NULL
+                                                  AND target.value ->> '$.made_from.handedness' IS NOT trainee.handedness THEN NULL
+                                             WHEN low IS NOT NULL AND high IS NULL THEN
+                                                 CASE target.value ->> 'better'
+                                                     WHEN 'higher' THEN iif(feature.value >= target.value ->> 'limit', 1, NULL)
+                                                     ELSE iif(feature.value > target.value ->> 'limit', 0, NULL) END
+                                             WHEN feature.value BETWEEN low AND high THEN
+                                                 CASE target.value ->> 'better'
+                                                     WHEN 'higher' THEN iif(low >= target.value ->> 'limit', 1,
+                                                                            iif(high < target.value ->> 'limit', 0, NULL))
+                                                     ELSE iif(high <= target.value ->> 'limit', 1,
+                                                              iif(low > target.value ->> 'limit', 0, NULL)) END
+                                         END AS met
+                                  FROM json_each(standard.definition, '$.targets') AS target
+                                  LEFT JOIN feature ON feature.result_id = result.id
+                                       AND feature.name = target.value ->> 'feature'
+                                       AND CASE target.value ->> 'in_hand' || coalesce(trainee.handedness, '')
+                                               WHEN 'dominantleft' THEN feature.tool = result.left_tool
+                                               WHEN 'otherright' THEN feature.tool = result.left_tool
+                                               WHEN 'dominantright' THEN feature.tool = result.right_tool
+                                               WHEN 'otherleft' THEN feature.tool = result.right_tool
+                                               ELSE CASE target.value ->> 'in_hand'
+                                                   WHEN 'left' THEN feature.tool = result.left_tool
+                                                   WHEN 'right' THEN feature.tool = result.right_tool
+                                                   ELSE target.value ->> 'in_hand' IS NULL AND feature.tool IS target.value ->> 'tool' END
+                                           END
+                                       AND feature.space = target.value ->> 'space'))
+                    FROM standard
+                    WHERE standard.task_id = session.task_id AND standard.valid_from_ms <= session.created_at_ms
+                          AND result.id IS NOT NULL
+                    ORDER BY standard.version DESC LIMIT 1), 'done')
+           END
+    FROM session
+    JOIN trainee ON trainee.id = session.trainee_id
     LEFT JOIN tracking_job AS job ON job.session_id = session.id
     LEFT JOIN current_result AS result ON result.session_id = session.id;
 

@@ -417,6 +417,8 @@ export const api = {
     advise: (id, form) => request('POST', ['boxes', id, 'palettes', 'advice'], { form }),
     /** The latest 100, newest first. @param {string} id */
     selfTests: id => fetchAll(['boxes', id, 'self-tests'], {}, 100),
+    /** @param {string} id @param {ApiBody<'PUT', ['boxes', string, 'tool-sizes']>} json */
+    resizeTools: (id, json) => request('PUT', ['boxes', id, 'tool-sizes'], { json }),
     /** @param {string} id @param {FormData} form */
     selfTest: (id, form) => request('POST', ['boxes', id, 'self-tests'], { form }),
     /**
@@ -427,6 +429,10 @@ export const api = {
   },
   sessions: {
     ...resource('sessions'),
+    /** @param {ApiQueryOf<'GET', ['session-count']>} query @param {AbortSignal} [signal] */
+    count: (query, signal) => request('GET', ['session-count'], { query, signal }),
+    /** @param {string} id @param {ApiBody<'PUT', ['sessions', string, 'supervision']>} json */
+    supervise: (id, json) => request('PUT', ['sessions', id, 'supervision'], { json }),
     /** @param {ApiQueryOf<'POST', ['sessions', 'import']>} query @param {string} table */
     importTable: (query, table) => request('POST', ['sessions', 'import'], { query, table }),
     /** @param {string} id */

@@ -12,7 +12,8 @@ import { matchPage } from './routes.js';
 import { t } from './texts.js';
 import { Empty, Loading, ProblemNotice } from './parts/page/notice.js';
 import { Brand } from './parts/page/icons.js';
-import { currentRecording } from './record/current_recording.js';
+import { currentRecording, isRecording } from './record/current_recording.js';
+import { isSending, nextPersonAddress, watchIdle } from './shared_device.js';
 import { Shell } from './parts/page/shell.js';
 import { SignIn } from './pages/sign_in.js';
 
@@ -130,7 +131,7 @@ function App() {
     setPerson(signedIn);
   };
   if (!person) return html`<${SignIn} expired=${expired} onSignedIn=${welcome} />`;
-  const signOut = async () => {
+  const signOut = async (path = [], query = {}) => {
     if (currentRecording) (await import('./record/recorder.js')).discardRecording();
     await import('./parts/recording/uploads.js').then(({ forgetUploads }) => forgetUploads(person.id), () => {});
     // Signed out on this page in any case; the cookie expires by itself.
@@ -138,12 +139,18 @@ function App() {
     if (ended?.address) return void location.assign(ended.address); // The provider's sign-in ends, too.
     setExpired(false);
     enter(null);
-    go([]);
+    go(path, query);
   };
   if (!isAdmitted)
-    return html`<${Gate} load=${loadFirstPassword} person=${person} typed=${typedPassword} onDone=${enter} onSignOut=${signOut} />`;
-  return html`<${Page} person=${person} onSignOut=${signOut} />`;
+    return html`<${Gate} load=${loadFirstPassword} person=${person} typed=${typedPassword} onDone=${enter} onSignOut=${() => signOut()} />`;
+  return html`<${Page} person=${person} onSignOut=${() => signOut()} onNextPerson=${signOutForNext(signOut)} />`;
 }
+
+/** Signs out, and leaves the address of the next person's recording: same page, box and task. */
+const signOutForNext = signOut => () => {
+  const { path, query } = nextPersonAddress(currentRoute());
+  return signOut(path, query);
+};
 
 /** A page outside the shell. `load` returns its component; the other properties are the page's. @param {Props} props */
 function Gate({ load, ...props }) {
@@ -154,8 +161,11 @@ function Gate({ load, ...props }) {
 }
 
 /** @param {Props} props */
-function Page({ person, onSignOut }) {
+function Page({ person, onSignOut, onNextPerson }) {
   const route = useRoute();
+  const leave = useRef(onNextPerson);
+  leave.current = onNextPerson;
+  useEffect(() => watchIdle(() => leave.current(), () => isRecording() || isSending()), []);
   const address = route.path.join('/');
   const { page, params } = matchPage(route.path) ?? {};
   const entry = !page?.needs || may(person, page.needs) ? page : undefined;
@@ -187,7 +197,7 @@ function Page({ person, onSignOut }) {
     if (loaded.entry !== entry) return html`<${Loading} />`;
     return html`<${loaded.Show} key=${address} person=${person} route=${{ ...route, params }} onSignOut=${onSignOut} />`;
   };
-  return html`<${Shell} person=${person} current=${entry?.nav}>${body()}<//>`;
+  return html`<${Shell} person=${person} current=${entry?.nav} onNextPerson=${onNextPerson}>${body()}<//>`;
 }
 
 const NotFound = () => html`

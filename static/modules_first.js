@@ -15,14 +15,14 @@
       parts/playback/chunk_loader.js parts/playback/curves.js parts/playback/orbit.js parts/playback/overlay.js
       parts/playback/path3d.js parts/playback/playback.js parts/playback/player.js parts/playback/plots.js
       parts/playback/readouts.js parts/playback/space_painter.js parts/playback/track.js
-      parts/recording/recording_target.js parts/session/advice.js parts/session/box_question.js
-      parts/session/cohort_places.js parts/session/comments.js parts/session/compared_space.js
-      parts/session/edit_dialog.js parts/session/edits.js parts/session/error_score.js parts/session/error_sheet.js
-      parts/session/error_sheets.js parts/session/evidence.js parts/session/feature_folds.js
-      parts/session/feature_notes.js parts/session/features.js parts/session/ghost.js parts/session/moves.js
-      parts/session/outcome_card.js parts/session/quality.js parts/session/ratings.js parts/session/review.js
-      parts/session/setup_versions.js parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js
-      parts/tasks/hand_choice.js watch.js with_error.js`,
+      parts/recording/recording_target.js parts/session/advice.js parts/session/background.js
+      parts/session/box_question.js parts/session/cohort_places.js parts/session/comments.js
+      parts/session/compared_space.js parts/session/edit_dialog.js parts/session/edits.js parts/session/error_score.js
+      parts/session/error_sheet.js parts/session/error_sheets.js parts/session/evidence.js
+      parts/session/feature_folds.js parts/session/feature_notes.js parts/session/features.js parts/session/ghost.js
+      parts/session/moves.js parts/session/outcome_card.js parts/session/quality.js parts/session/ratings.js
+      parts/session/review.js parts/session/setup_versions.js parts/session/skill.js parts/session/span_bar.js
+      parts/session/verdict.js parts/tasks/hand_choice.js watch.js with_error.js`,
       parts/session/edit_dialog.js parts/session/edits.js parts/session/evidence.js parts/session/features.js
       parts/session/ghost.js parts/session/moves.js parts/session/outcome_card.js parts/session/quality.js
       parts/session/ratings.js parts/session/review.js parts/session/setup_versions.js

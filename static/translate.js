@@ -99,6 +99,19 @@ export function selfTestAdvice({ advice, advice_name: name }) {
   return text ? { text, lang: undefined } : { text: advice, lang: serviceLang };
 }
 
+/**
+ * What is wrong with the value of a field, as `{ text, lang }`.
+ *
+ * @param {{ message: string }} error
+ */
+export function fieldErrorText({ message }) {
+  for (const [pattern, words] of translations.invalid ?? []) {
+    const found = message.match(pattern);
+    if (found) return { text: words(...found.slice(1)), lang: undefined };
+  }
+  return { text: message, lang: serviceLang };
+}
+
 /** The code of a problem is in `type` for a response and in `slug` for a job. The page's own problems have none. */
 const problemCode = ({ slug, type }) => slug ?? (type?.startsWith(PROBLEM) ? type.slice(PROBLEM.length) : undefined);
 
@@ -108,6 +121,13 @@ export const problemTitle = problem => translationOf('problems', problemCode(pro
 /** What to do, as `{ text, lang }`. The translation may depend on other members of the problem. */
 export function problemDetail(problem) {
   const translated = translationOf('problems', problemCode(problem))?.[1];
-  const text = typeof translated === 'function' ? translated(problem) : translated;
+  const text = (typeof translated === 'function' ? translated(problem) : translated) || invalidDetail(problem);
   return text ? { text, lang: undefined } : { text: problem.detail, lang: problemCode(problem) && serviceLang };
+}
+
+/** All that is wrong with the values of a request, if every sentence has a translation. */
+function invalidDetail(problem) {
+  if (!translations.invalid || problemCode(problem) !== 'invalid' || !problem.errors?.length) return undefined;
+  const texts = problem.errors.map(fieldErrorText);
+  return texts.every(({ lang }) => lang === undefined) ? [...new Set(texts.map(({ text }) => text))].join(' ') : undefined;
 }

@@ -166,10 +166,18 @@ pub struct LivePlan {
 pub async fn live_plan(of: BoxId, store: &Store) -> Result<Result<LivePlan, Problem>, StoreError> {
     let scope = Scope::service();
     let Some(calibration) = store.calibrations().in_use(&scope, of).await? else {
-        return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's camera is not calibrated")));
+        return Ok(Err(Problem::new(
+            "box-not-ready",
+            "The box is not ready",
+            "Measure its camera first, under “Set up” on its page.",
+        )));
     };
     let Some(palette) = store.palettes().in_use(&scope, of).await? else {
-        return Ok(Err(Problem::new("box-not-ready", "The box is not ready", "the box's colours are not marked")));
+        return Ok(Err(Problem::new(
+            "box-not-ready",
+            "The box is not ready",
+            "Mark its tool colours first, under “Set up” on its page.",
+        )));
     };
     let ports = ports_so_far(of, calibration.id, store).await?;
     let empty_box = empty_box_of(&palette);

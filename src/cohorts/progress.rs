@@ -282,6 +282,8 @@ pub(super) fn judge_sessions<'p>(
         id: at.session.id,
         recorded_at: to_rfc3339(at.session.recorded_at_ms),
         recorded_at_source: at.session.recorded_at_source,
+        date_known: at.session.date_known,
+        supervision: at.session.supervision,
         created_at: to_rfc3339(at.session.created_at_ms),
         status: at.session.status,
         set_aside: set_aside(at.session),

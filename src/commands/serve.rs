@@ -214,7 +214,7 @@ pub async fn start(
     let store =
         Store::open(&settings.database(), &settings.store, clock.clone()).await.context("opening the database")?;
     let recovered = upkeep::recover(&store, &vault).await.context("recovering")?;
-    tracing::info!(?recovered, "recovered");
+    recovered.log();
     let events = EventBus::new();
     let queue = Queue::new(store.clone(), settings.queue.clone(), events.clone(), clock.clone());
     queue.recover().await.context("recovering the queue")?;

@@ -20,8 +20,9 @@ impl Problem {
     pub const SIZE_CHANGES: &'static str = "size-changes";
 
     /// Problems of a recording's file itself: whenever it is read again, it gives the same problem.
-    const OF_FILE: [&'static str; 9] = [
+    const OF_FILE: [&'static str; 10] = [
         "not-a-video",
+        "picture-not-video",
         "recording-cut-off",
         "no-video-stream",
         "codec-not-accepted",

@@ -53,6 +53,61 @@ named! {
     }
 }
 
+named! {
+    /// Whether a member of staff saw the attempt that a session shows.
+    Supervision: "supervision" {
+        /// A member of staff who had signed in recorded or sent it.
+        SentByStaff = "sent_by_staff",
+        /// A member of staff said so afterwards.
+        Marked = "marked",
+        /// No: a trainee or a program sent it, or a member of staff took the mark back.
+        None = "none",
+    }
+}
+
+named! {
+    /// What a session came to, in the words of lists: its state until it is done, then whether it met the standard of its
+    /// task.
+    SessionOutcome: "outcome" {
+        /// Its recording is still arriving.
+        Receiving = "receiving",
+        /// Waits for a worker, or for its box's calibration or colours.
+        Queued = "queued",
+        /// Being tracked.
+        Tracking = "tracking",
+        /// Could not be tracked.
+        Failed = "failed",
+        /// Tracking crashed too often: a person has to look.
+        Quarantined = "quarantined",
+        /// A person has to say whether it shows its box.
+        BoxAsked = "box_asked",
+        /// It shows another box.
+        OtherBox = "other_box",
+        /// The quality gate refused it.
+        Refused = "refused",
+        /// It met the standard.
+        Passed = "passed",
+        /// It missed the standard.
+        Missed = "missed",
+        /// It neither met nor missed the standard: too little is known.
+        Undecided = "undecided",
+        /// Scored; its task has no standard, or the session was set aside.
+        Done = "done",
+        /// Scored, with limits to its trustworthiness; `passed`, `missed`, `undecided` or `done` as well.
+        UsableWithCare = "usable_with_care",
+    }
+}
+
+named! {
+    /// The order of a list of sessions.
+    SessionOrder: "order" {
+        /// The last to arrive first.
+        Arrival = "arrival",
+        /// The last to be recorded first.
+        Recorded = "recorded",
+    }
+}
+
 impl BoxQuestion {
     /// Does a session with this answer count?
     pub fn counts(self) -> bool {

@@ -136,6 +136,38 @@ impl<T: ToString + ?Sized> From<&T> for Key {
     }
 }
 
+/// Words to search for: 1 to 8, of at most 120 characters in all.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct SearchWords(Vec<String>);
+
+impl SearchWords {
+    /// Each word as it may be written where it is found: small, with a capital, and in capitals. The database takes only
+    /// the letters a–z for the same in both cases.
+    pub fn variants(&self) -> Vec<[String; 3]> {
+        let variants = |word: &String| {
+            let (small, capitals) = (word.to_lowercase(), word.to_uppercase());
+            let mut rest = small.chars();
+            let first = rest.next().map(|c| c.to_uppercase().to_string()).unwrap_or_default();
+            let capital = first + rest.as_str();
+            [small, capital, capitals]
+        };
+        self.0.iter().map(variants).collect()
+    }
+}
+
+impl TryFrom<String> for SearchWords {
+    type Error = Invalid;
+
+    fn try_from(text: String) -> Result<Self, Invalid> {
+        let words: Vec<String> = line("search", &text, 1, 120)?.split_whitespace().map(str::to_owned).collect();
+        match words.len() {
+            1..=8 => Ok(Self(words)),
+            many => Err(Invalid::new("search", format!("has {many} words; expected 1 to 8"))),
+        }
+    }
+}
+
 /// The character of a code, or of a derived login, for this character: accents are dropped, apostrophes are omitted, anything else becomes a
 /// dash.
 pub(super) fn plain_character(c: char) -> Option<char> {

@@ -79,9 +79,7 @@ fn json_problem(error: serde_json::Error, field: &str) -> ProblemResponse {
             let reason = text.strip_suffix(&place).unwrap_or(&text);
             match field.contains(char::is_alphanumeric) {
                 true => Refusal::Invalid.with(format!("{reason}.")).of_field(field),
-                false => {
-                    Refusal::Invalid.with(format!("{reason}. See /docs for the fields of this request.")).of_field(BODY)
-                }
+                false => Refusal::Invalid.with(format!("{reason}.")).of_field(BODY).member("documentation", "/docs"),
             }
         }
         Category::Io | Category::Syntax | Category::Eof => {
@@ -126,8 +124,8 @@ impl<T: DeserializeOwned + Send> FromRequestParts<App> for Params<T> {
     async fn from_request_parts(parts: &mut Parts, _app: &App) -> Result<Self, ProblemResponse> {
         let query = Query::try_from_uri(&parts.uri);
         let refused = |error: axum::extract::rejection::QueryRejection| {
-            let detail = format!("{}. See /docs for the parameters.", error.body_text());
-            Refusal::BadRequest.with(detail).of_field("query")
+            let problem = Refusal::BadRequest.with(format!("{}.", error.body_text())).of_field("query");
+            problem.member("documentation", "/docs")
         };
         query.map(|Query(params)| Self(params)).map_err(refused)
     }

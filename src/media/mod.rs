@@ -50,6 +50,12 @@ pub enum MediaError {
     /// The container is not accepted, or the file is no video at all.
     #[error("not a video that can be read ({0}); accepted are MP4/MOV, Matroska/WebM, AVI and MPEG-TS")]
     Container(String),
+    /// A photo, also one with the name of a video.
+    #[error(
+        "this file is a picture, not a video: send the recording that the camera made (MP4/MOV, Matroska/WebM, AVI or \
+         MPEG-TS)"
+    )]
+    PictureFile,
     /// A container that is not accepted.
     #[error(
         "{name} is not accepted; accepted are MP4/MOV, Matroska/WebM, AVI and MPEG-TS: convert it, for example with \

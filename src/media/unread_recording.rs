@@ -151,7 +151,7 @@ mod tests {
         let text = refusal(b"OggS\0\x02\0\0\0\0".to_vec()).to_string();
         assert!(text.contains("Ogg") && text.contains("OUT.mp4"), "{text}");
         let text = refusal(b"\xff\xd8\xff\xe0\0\x10JFIF\0".to_vec()).to_string();
-        assert!(text.contains("it is a photo"), "{text}");
+        assert!(text.contains("this file is a picture, not a video"), "{text}");
         for unknown in [&b"dear diary"[..], b"", b"\x1a\x45\xdf\xa3 but nothing else"] {
             let text = refusal(unknown.to_vec()).to_string();
             assert!(!text.contains("Invalid argument") && text.contains("accepted are MP4/MOV"), "{text}");

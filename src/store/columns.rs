@@ -22,7 +22,7 @@ use crate::domain::rescoring::{RescoringItemState, RescoringSource};
 use crate::domain::role::Role;
 use crate::domain::secret::{PasswordHash, SecretHash};
 use crate::domain::self_test::TrafficLight;
-use crate::domain::session::{BoxQuestion, FeatureSpace, RecordedAtSource};
+use crate::domain::session::{BoxQuestion, FeatureSpace, RecordedAtSource, SessionOutcome, Supervision};
 use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
@@ -82,7 +82,7 @@ as_shown! {
     RescoringId ModelId EditId MoveId BlobHash Day Role Level Handedness CalibrationSource JobKind JobState
     FeatureSpace FrameCodec TrafficLight RatingForm SessionJudgement RescoringSource RescoringItemState EditKind
     BoxQuestion RecordedAtSource EarlyEndCause ErasedKind PasswordState LogoFormat DismissalId AttentionKind
-    ErrorListId ScoreFormulaId ErrorSheetId ErrorMarkId
+    ErrorListId ScoreFormulaId ErrorSheetId ErrorMarkId Supervision SessionOutcome
 }
 
 as_stored! {

@@ -9,13 +9,13 @@ use super::columns::Insert;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::enqueue_track;
 use super::sender_limits::check_feed;
-use super::sessions::{DELETE_SESSION, NewSessionRow, SELECT_SAME_SESSION};
+use super::sessions::{DELETE_SESSION, NewSessionRow, SELECT_SAME_SESSION, is_trusted_sender, supervising_sender};
 use super::visibility::BindScope;
 use super::{Scope, Store, blobs};
 use crate::domain::blob::Blob;
 use crate::domain::feed::arrival::Arrival;
 use crate::domain::feed::early_end::{EarlyEnd, EarlyEndCause};
-use crate::domain::feed::start::{is_clock_wrong, start_of_recording};
+use crate::domain::feed::start::{is_clock_wrong, is_start_seen, start_of_recording};
 use crate::domain::feed::{FrameCodec, TimeBase};
 use crate::domain::session::{LiveFeature, RecordedAtSource};
 use crate::domain::text::Invalid;
@@ -366,6 +366,10 @@ async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: 
         recorded_at_source,
         created_at_ms: now_ms,
         imported: None,
+        date_known: recorded_at_source == RecordedAtSource::Arrival
+            || is_trusted_sender(scope)
+            || is_start_seen(recorded_at_ms, now_ms),
+        supervisor: supervising_sender(scope),
     };
     row.insert().execute(&mut *tx).await.map_err(missing("trainee, task or box"))?;
     new.insert(session, scope, now_ms).execute(&mut *tx).await?;

@@ -153,8 +153,9 @@ pub use self_tests::{SelfTestLight, SelfTestRecord, SelfTestStore};
 pub use sender_limits::SenderLimits;
 pub use session_moves::{FiledUnder, SessionDestination, SessionMoveRecord, SessionMoveStore};
 pub use sessions::{
-    AttentionItem, Practice, PracticeMeasurement, PracticeResult, PracticeSession, SessionFilter, SessionOrderKey,
-    SessionRecord, SessionResult, SessionStore, SharedSession, TraineeTask,
+    AttentionItem, Practice, PracticeMeasurement, PracticeResult, PracticeSession, SameRecording, SameRecordings,
+    SessionCount, SessionFilter, SessionOrderKey, SessionRecord, SessionResult, SessionStore, SharedSession,
+    TraineeTask,
 };
 pub use skill_models::{DeclaredSession, NewSkillModel, SkillModelRecord, SkillModelStore};
 pub use standards::{StandardRecord, StandardStore};

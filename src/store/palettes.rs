@@ -4,12 +4,13 @@
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
-use super::error::{StoreResult, missing, not_found};
+use super::audit::note;
+use super::error::{StoreError, StoreResult, missing, not_found};
 use super::visibility::BindScope;
 use super::{Scope, Store};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::boxes::BoxTool;
-use crate::domain::files::annotations::AnnotationsFile;
+use crate::domain::files::annotations::{AnnotationsError, AnnotationsFile, ToolSize};
 use crate::domain::palette::{LabelCount, NewPalette, PaletteReport};
 use crate::ids::{BoxId, PaletteId};
 
@@ -82,7 +83,52 @@ const INSERT_PALETTE: &str = "
     RETURNING id, box_id, version, annotations, tools, counts, samples, report, created_at_ms,
               coalesce(valid_from_ms, created_at_ms) AS valid_from_ms";
 
+const COPY_SURROUNDINGS: &str = "
+    INSERT INTO palette_surroundings (palette_id, picture)
+    SELECT $2, picture FROM palette_surroundings WHERE palette_id = $1";
+
 impl PaletteStore<'_> {
+    /// Adds a version with the samples of the one in use and other sizes of its tools. If
+    /// the sizes are those in use, that one is returned.
+    ///
+    /// # Errors
+    /// [`StoreError::Refused`] if the box has no colours, or if the sizes cannot be used.
+    pub async fn resize(&self, scope: &Scope, of: BoxId, sizes: Vec<ToolSize>) -> StoreResult<PaletteRecord> {
+        let now = self.latest(scope, of).await?;
+        let now =
+            now.ok_or_else(|| StoreError::refused("the tools of this box are not marked yet: mark them first"))?;
+        let unusable = |error: AnnotationsError| StoreError::refused(error.to_string());
+        let annotations = now.annotations.clone().with_sizes(sizes).map_err(unusable)?;
+        let tools: Vec<BoxTool> =
+            annotations.marked_tools().map_err(unusable)?.into_iter().map(BoxTool::from).collect();
+        if tools == now.tools {
+            return Ok(now);
+        }
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let latest: Option<PaletteRecord> =
+                    sqlx::query_as(SELECT_LATEST).bind_scope(&by).bind(of).fetch_optional(&mut *tx).await?;
+                if latest.is_none_or(|latest| latest.id != now.id) {
+                    return Err(StoreError::refused("the tools were marked again meanwhile: look at them first"));
+                }
+                let PaletteRecord { id: before, counts, samples, report, .. } = now;
+                let new = NewPalette {
+                    annotations,
+                    tools,
+                    counts,
+                    samples,
+                    report: report.unwrap_or_default(),
+                    surroundings: None,
+                };
+                let made = insert(tx, of, new, now_ms).await?;
+                sqlx::query(COPY_SURROUNDINGS).bind(before).bind(made.id).execute(&mut *tx).await?;
+                note(tx, &by, now_ms, ("change tool sizes", "box"), of).await?;
+                Ok(made)
+            })
+            .await
+    }
+
     /// The version in use, if the box has one.
     pub async fn in_use(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<PaletteRecord>> {
         let row = sqlx::query_as(SELECT_IN_USE).bind_scope(scope).bind(of).bind(self.0.now_ms());

@@ -120,6 +120,12 @@ const LOWER_RECEIVED: &str = "UPDATE upload SET received = min(received, $2) WHE
 
 const LINK_SESSION: &str = "UPDATE upload SET session_id = $2, is_duplicate = $3 WHERE id = $1 AND session_id IS NULL";
 
+/// The service completes an upload whose sender went away: a trainee's word for the time stays a trainee's word.
+const DOUBT_DATE_OF_TRAINEE: &str = "
+    UPDATE session SET date_known = 0
+    WHERE id = $1 AND recorded_at_source = 'claimed'
+      AND EXISTS (SELECT 1 FROM person WHERE id = $2 AND trainee_id IS NOT NULL)";
+
 const DELETE_UPLOAD: &str = "DELETE FROM upload WHERE id = $1";
 
 const SELECT_EXPIRED: &str = "SELECT id FROM upload WHERE expires_at_ms <= $1 LIMIT $2";
@@ -228,6 +234,7 @@ impl UploadStore<'_> {
             return Err(StoreError::refused(format!("{received} of {length} bytes have arrived: send the rest first")));
         }
         let (scope, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
+        let sender = upload.person_id;
         let new = NewSession {
             trainee: upload.trainee_id,
             task: upload.task_id,
@@ -241,6 +248,10 @@ impl UploadStore<'_> {
         self.0
             .write(async move |tx| {
                 let finished = made_or_found(sessions::insert(tx, &scope, new, now_ms, attempts).await)?;
+                if scope.is_service() && finished.is_new {
+                    let doubt = sqlx::query(DOUBT_DATE_OF_TRAINEE).bind(finished.session).bind(sender);
+                    doubt.execute(&mut *tx).await?;
+                }
                 let link = sqlx::query(LINK_SESSION).bind(id).bind(finished.session).bind(finished.is_duplicate);
                 let linked = link.execute(&mut *tx).await?;
                 if linked.rows_affected() == 1 { Ok(finished) } else { Err(not_found("upload")) }

@@ -27,6 +27,26 @@ pub struct Recovered {
     pub set_back_uploads: usize,
 }
 
+impl Recovered {
+    /// Logs what was repaired.
+    pub fn log(&self) {
+        if *self == Self::default() {
+            return tracing::info!("data folder checked after the last stop; nothing to repair");
+        }
+        let Self { half_written, orphan_blobs, kept_orphans, orphan_uploads, finished_uploads, set_back_uploads } =
+            self;
+        tracing::info!(
+            half_written,
+            orphan_blobs,
+            kept_orphans,
+            orphan_uploads,
+            finished_uploads,
+            set_back_uploads,
+            "data folder repaired after the last stop"
+        );
+    }
+}
+
 /// Makes files and database consistent after a crash. Call it with the folder locked, before anything else uses it.
 pub async fn recover(store: &Store, vault: &Vault) -> UpkeepResult<Recovered> {
     let mut recovered = Recovered { half_written: vault.clear_incoming().await?, ..Recovered::default() };

@@ -8,6 +8,7 @@ import { LanguageChoice } from '../parts/page/language.js';
 import { Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { NEW_PASSWORD_FIELDS, newPassword } from '../parts/people/new_password.js';
 import { OwnData } from '../parts/people/own_data.js';
+import { SharedDevice } from '../parts/people/shared_device.js';
 import { OwnSignIns, OwnTokens } from '../parts/people/own_access.js';
 import { OwnIdentities } from '../parts/people/single_sign_on.js';
 import { isRecording } from '../record/current_recording.js';
@@ -61,6 +62,7 @@ export default function Account({ person, onSignOut }) {
             onSave=${change} submit=${words.change} />
         </div>
       </section>`}
+      <${SharedDevice} />
       ${data && html`<${OwnIdentities} person=${person} items=${data.identities} onChange=${reload} />`}
       ${person.trainee && html`<${OwnData} trainee=${person.trainee} />`}
       <${ProblemNotice} problem=${problem} onRetry=${reload} />

@@ -66,10 +66,12 @@ function Paper({ progress: { trainee, task, standard, sessions, passed, pipeline
       </section>
       <section>
         <h2>${words.sessions}</h2>
-        <table><thead><tr><th scope="col">${t.report.number}</th><th scope="col">${words.date}</th><th scope="col">${words.result}</th></tr></thead>
-          <tbody>${countedSessions.map(session => html`<tr key=${session.id}><th scope="row">${session.number}</th><td>${date(session.recorded_at)}</td>
-            <td>${t.report.trials[session.trial ?? '']}</td></tr>`)}</tbody></table>
+        <table><thead><tr><th scope="col">${t.report.number}</th><th scope="col">${words.date}</th><th scope="col">${words.result}</th><th scope="col">${words.supervised}</th></tr></thead>
+          <tbody>${countedSessions.map(session => html`<tr key=${session.id}><th scope="row">${session.number}</th><td>${date(session.recorded_at)}${
+            !session.date_known && html` <span class="claim">${words.claimed}</span>`}</td>
+            <td>${t.report.trials[session.trial ?? '']}</td><td>${words.supervision[session.supervision ?? 'unknown']}</td></tr>`)}</tbody></table>
       </section>
+      ${countedSessions.some(session => !session.date_known) && html`<p class="small">${words.claimedNote}</p>`}
       <div class="signatures"><div>${words.signature}</div><div>${words.signatureDate}</div></div>
       <${Provenance} rows=${[
         [t.report.program, pipeline],

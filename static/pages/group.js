@@ -22,7 +22,7 @@ export default function GroupPage({ person, route }) {
   const isAdministrator = may(person, 'people');
   const { data: base, problem, reload } = useData(async signal => {
     const [group, tasks, features, plans, people, trainees] = await Promise.all([
-      api.groups.get(id, signal), api.tasks.all(), api.features(signal), api.courses.all(), isAdministrator ? api.people.all() : [], isAdministrator ? api.trainees.all() : []]);
+      api.groups.get(id, signal), api.tasks.all(), api.features(signal), api.courses.all(), isAdministrator ? api.people.all() : [], api.trainees.all()]);
     return { group, tasks, features, plans, people, trainees };
   }, [id]);
   const [members, setMembers] = useState(false);
@@ -41,11 +41,23 @@ export default function GroupPage({ person, route }) {
     <div class="stack">
       ${group.course && course}
       ${tasks.length ? html`<${Progress} base=${base} route=${route} key=${group.trainees?.join()} />`
-        : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}
+        : html`<${MemberList} base=${base} />`}
       ${!group.course && tasks.length > 0 && course}
     </div>
     ${members && html`<${MembersDialog} group=${group} data=${base} onSaved=${() => (setMembers(false), reload())}
       onClose=${() => setMembers(false)} />`}`;
+}
+
+/** Without a task there is no progress to show, but the members are known. @param {Props} props */
+function MemberList({ base: { group, trainees } }) {
+  const members = trainees.filter(({ id }) => group.trainees?.includes(id));
+  return html`
+    <section class="card">
+      <header><h2>${words.memberList}</h2></header>
+      ${members.length === 0 ? html`<${Empty} title=${words.empty} body=${words.emptyBody} />` : html`<ul class="queue">${members.map(one => html`
+        <li key=${one.id}><div><a href=${href(['trainees', one.id])}>${one.name}</a></div></li>`)}</ul>`}
+      <${Empty} title=${words.noTasks} body=${words.noTasksBody}><a class="button" href=${href(['tasks'])}>${words.toTasks}</a><//>
+    </section>`;
 }
 
 /** @param {Props} props */

@@ -8,6 +8,7 @@ import { go, href } from '../router.js';
 import { serviceLang, t } from '../texts.js';
 import { problemTitle } from '../translate.js';
 import { Confirm } from '../parts/forms/dialog.js';
+import { SameRecording, Supervision } from '../parts/session/background.js';
 import { BoxQuestion } from '../parts/session/box_question.js';
 import { Retimed, SetAside } from '../parts/session/edits.js';
 import { LiveErrors } from '../parts/session/error_sheets.js';
@@ -56,12 +57,13 @@ export default function Session({ person, route }) {
       <${Announce}>${t.status[stateOf(session)]}<//>
       ${session.status === 'receiving' && html`<${LiveView} session=${session} onClosed=${reload}
         under=${watch => html`<${LiveErrors} session=${session} person=${person} watch=${watch} />`} />`}
-      ${isBeingScored(session) && html`<${Waiting} session=${session} progress=${progress} />`}
+      ${isBeingScored(session) && html`<${Waiting} session=${session} person=${person} progress=${progress} />`}
       ${isBeingScored(session) && session.live_features && html`<${InterimFeatures} features=${session.live_features} />`}
       ${session.status === 'failed' && html`<${ProblemNotice}
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />
         ${session.retry_can_help && may(person, 'see_boxes') && html`<p><a href=${href(['boxes', session.box.id])}>${
           words.toBox(session.box.name)}</a></p>`}`}
+      <${SameRecording} session=${session} person=${person} />
       <${BoxQuestion} session=${session} person=${person} edits=${edits} onChange=${() => (readEdits(), reload())} />
       <${EarlyEnd} session=${session} />
       <${SetAside} session=${session} edits=${edits} />
@@ -69,6 +71,7 @@ export default function Session({ person, route }) {
       <${Retimed} session=${session} edits=${edits} />
       ${session.status === 'done' && html`<${OutcomeCard} session=${session} />`}
       ${session.status === 'done' && !isValid(session) && html`<${Verdict} quality=${session.quality} />`}
+      <${Supervision} session=${session} person=${person} onChange=${reload} />
       ${session.status !== 'receiving' && html`<${ReviewLoader} key=${`${session.id} ${session.status}`} session=${session}
         person=${person} edits=${edits} start=${Number(route.query.get('t')) || 0} onEdited=${() => (readEdits(), reload())} />`}
       ${session.status === 'done' && html`${isValid(session) && html`<${Verdict} quality=${session.quality} />`}<${Skill}
@@ -84,6 +87,9 @@ const isValid = session => session.quality?.verdict === 'valid';
 const EarlyEnd = ({ session: { early_end: early } }) => early && html`
   <${Notice} tone="warn" title=${words.earlyEnd.title}>${words.earlyEnd.causes[early.cause]}
     ${early.detail && html` <span lang=${serviceLang}>(${early.detail})</span>`}<//>`;
+
+/** Whether the session waits because its box is not set up. */
+const isOfBox = session => session.error?.type === '/problems/box-not-ready';
 
 /** Whether the session is waiting for its score. */
 const isBeingScored = session => ['queued', 'tracking'].includes(session.status);
@@ -101,10 +107,11 @@ const Lead = ({ session, person }) => html`
  *
  * @param {Props} props
  */
-const Waiting = ({ session, progress }) => html`
+const Waiting = ({ session, person, progress }) => html`
   <section class="card">
     <div class="body stack tight">
-      ${session.error && html`<${Notice} tone="warn" title=${problemTitle(session.error)}><${ProblemDetail} problem=${session.error} /><//>`}
+      ${session.error && html`<${Notice} tone="warn" title=${problemTitle(session.error)}><${ProblemDetail} problem=${session.error} />
+        ${isOfBox(session) && may(person, 'edit_boxes') && html` <a href=${href(['boxes', session.box.id, 'setup'])}>${words.toSetup(session.box.name)}</a>`}<//>`}
       <${Notice}
         title=${{ queued: words.waiting, tracking: words.tracking }[session.status]}>
         ${session.status === 'queued' && Number.isFinite(session.queue_position)

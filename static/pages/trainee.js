@@ -119,7 +119,7 @@ const cohortOf = route => (route.query.get('cohort') === NO_COHORT ? undefined :
 
 /** The sessions with the values of all shown features, for a spreadsheet. */
 const tableRows = progress => [
-  [t.saveTable.number, t.sessions.recorded, t.sessions.status, ...progress.features.flatMap(one => {
+  [t.saveTable.number, t.sessions.recorded, t.outcome.name, ...progress.features.flatMap(one => {
     const name = [featureWithTool(one), unit(one.unit)].filter(Boolean).join(', ');
     return [name, `${name}: ${t.saveTable.low}`, `${name}: ${t.saveTable.high}`];
   })],
@@ -140,7 +140,7 @@ const NOTED = ['box_asked', 'other_box', 'other_version'];
 
 /** The latest sessions of the task, with their outcomes. @param {Props} props */
 function Sessions({ trainee, taskId, progress }) {
-  const { data, problem, reload } = useData(signal => api.sessions.page({ trainee, task: taskId, limit: LATEST }, signal), [trainee, taskId, progress]);
+  const { data, problem, reload } = useData(signal => api.sessions.page({ trainee, task: taskId, order: 'recorded', limit: LATEST }, signal), [trainee, taskId, progress]);
   const notes = new Map(progress.sessions.filter(step => NOTED.includes(step.set_aside ?? '')).map(step => [step.id, words.setAside[step.set_aside ?? '']]));
   return html`
     <section class="card list">
@@ -150,6 +150,7 @@ function Sessions({ trainee, taskId, progress }) {
       <ul class="queue">
         ${data?.items.map(session => html`<li key=${session.id}><div>
           <a href=${href(['sessions', session.id])}>${dateTime(session.recorded_at)}</a><${ArrivalNote} session=${session} />
+          ${session.supervision === 'none' && html` <span class="small muted">${t.background.shortNone}</span>`}
           ${notes.get(session.id) && html`<span class="small muted">${notes.get(session.id)}</span>`}</div>
           <${Outcome} session=${session} /></li>`)}
       </ul>

@@ -71,12 +71,14 @@ function Sessions({ sessions, series, earlier }) {
       <table>
         <thead><tr><th scope="col">${words.number}</th><th scope="col">${words.recorded}</th>
           ${series.map(one => html`<th key=${featureWithTool(one)} scope="col">${featureWithTool(one)}</th>`)}
-          <th scope="col">${words.judgement}</th></tr></thead>
+          <th scope="col">${words.judgement}</th><th scope="col">${t.certificate.supervised}</th></tr></thead>
         <tbody>${last.map(session => html`
-          <tr key=${session.id}><th scope="row">${session.number}</th><td>${date(session.recorded_at)}</td>
+          <tr key=${session.id}><th scope="row">${session.number}</th><td>${date(session.recorded_at)}${!session.date_known && ` ${t.certificate.claimed}`}</td>
             ${series.map(one => html`<td key=${featureWithTool(one)}>${valueAt(at(one, session), one)}</td>`)}
-            <td>${t.trainee.setAside[session.set_aside ?? ''] ?? words.trials[session.trial ?? ''] ?? '–'}</td></tr>`)}</tbody>
+            <td>${t.trainee.setAside[session.set_aside ?? ''] ?? words.trials[session.trial ?? ''] ?? '–'}</td>
+            <td>${t.certificate.supervision[session.supervision ?? 'unknown']}</td></tr>`)}</tbody>
       </table>
+      ${last.some(session => !session.date_known) && html`<p>${t.certificate.claimedNote}</p>`}
       ${before > 0 && html`<p>${words.before(before)}</p>`}
     </section>`;
 }

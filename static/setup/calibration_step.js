@@ -35,10 +35,12 @@ export function CalibrationStep({ box, draft, stepHref, onChange }) {
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
     <p>${words.with(good.length, photos.length, boardOf(plan), plan.square)}</p>
     ${!plan.measured && good.length >= MIN_PHOTOS && html`<${Notice} tone="warn" quiet title=${words.unmeasured(plan.square)}>
-      <a href=${stepHref('board')}>${t.setup.photos.otherBoard}</a><//>`}
+      <a href=${stepHref('board')}>${t.setup.photos.otherBoard}</a><//>
+      <label class="check"><input type="checkbox" checked=${false} onInput=${() => draft.setPlan({ measured: true })} />
+        ${t.setup.board.isMeasured(plan.square)}</label>`}
     ${good.length < MIN_PHOTOS && html`<p><a class="button" href=${stepHref('photos')}>${words.needPhotos(MIN_PHOTOS)}</a></p>`}
     <div class="row">
-      <button class="button main" type="button" disabled=${good.length < MIN_PHOTOS || isSending} onClick=${startCalibration}>
+      <button class="button main" type="button" disabled=${good.length < MIN_PHOTOS || !plan.measured || isSending} onClick=${startCalibration}>
         ${isSending ? t.box.sending : words.begin(good.length)}</button>
     </div>
     ${job && html`<${JobProgress} key=${job} id=${job} done=${t.box.saved} onDone=${onChange} />`}

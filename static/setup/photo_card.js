@@ -19,7 +19,7 @@ export function PhotoCard({ photo, usual, onRemove, onRetry }) {
           <span class=${`pill ${tone}`}>${words.verdict(photo, isOther)}</span>
           <button class="button bare" type="button" aria-label=${words.removeNamed(name)} onClick=${onRemove}>${words.remove}</button>
         </div>
-        <p class="small code">${name}</p>
+        <p class="small code" title=${name}>${name}</p>
         ${isOther && html`<p class="small">${words.otherSize(sizeOf(check), usual)}</p>`}
         ${check && !check.found && html`<${Why} check=${check} />`}
         ${problem && html`<p class="small">${problemTitle(problem)}. <${ProblemDetail} problem=${problem} /></p>

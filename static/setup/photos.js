@@ -22,6 +22,22 @@ export async function addPhotos(draft, box, files, onProblem) {
   checkNext(draft, box);
 }
 
+/** Adds a picture of the camera that the service has checked already. */
+export async function addChecked(draft, blob, check) {
+  const id = ++last;
+  const preview = await displayable(blob);
+  draft.photos = [...draft.photos, { id, blob, name: `photo-${stamp()}-${id}.png`, ...preview, state: 'checked', check }];
+  draft.notify();
+}
+
+/** What the service says about one picture of the board. */
+export function checkPicture(draft, box, blob, name) {
+  const form = new FormData();
+  form.append('board', boardOf(draft.plan));
+  form.append('photo', blob, name);
+  return api.boxes.checkPhoto(box, form);
+}
+
 /** Date and time for a name: a calibration identifies photos by name, also those that were taken before a reload. */
 const stamp = () => new Date().toISOString().replace(/\D/g, '').slice(0, 14);
 
@@ -49,10 +65,7 @@ function checkNext(draft, box) {
 async function checkPhoto(draft, box, { id, blob, name }) {
   change(draft, id, { state: 'checking', problem: undefined });
   const board = boardOf(draft.plan);
-  const form = new FormData();
-  form.append('board', board);
-  form.append('photo', blob, name);
-  const result = await api.boxes.checkPhoto(box, form).then(
+  const result = await checkPicture(draft, box, blob, name).then(
     answer => ({ state: 'checked', check: answer }),
     error => ({ state: 'failed', problem: asProblem(error) }),
   );

@@ -13,7 +13,8 @@ export const STEPS = ['board', 'photos', 'calibration', 'tools', 'colours', 'age
 export function stepStates(box, draft) {
   const { plan, photos } = draft;
   return {
-    board: plan.measured || box.camera?.square_mm ? 'done' : 'todo',
+    // New photos are of a board whose squares have to be measured; without any, the camera in use says that they were.
+    board: plan.measured || (box.camera?.square_mm && photos.length === 0) ? 'done' : 'todo',
     photos: photosState(photos, box),
     calibration: calibrationState(box),
     tools: toolsState(plan.tools, box.tools),
@@ -61,7 +62,17 @@ function toolsState(planned, known) {
 }
 
 /** Whether the tool has what a measurement needs. */
-export const isComplete = tool => Boolean(tool.tape?.trim() && tool.diameter > 0 && (tool.side || !isBare(tool)));
+export const isComplete = tool =>
+  Boolean(tool.tape?.trim() && tool.diameter > 0 && (tool.side || !isBare(tool)) && !hasImpossibleSize(tool));
+
+/** What the service accepts, mm: trocars have 2 to 15 mm, and a band has to show its borders and fit into a box. */
+/** @type {[number, number]} */
+export const DIAMETER_MM = [2, 15];
+/** @type {[number, number]} */
+export const BAND_MM = [5, 150];
+
+const isOutside = (value, [min, max]) => Number.isFinite(value) && (value < min || value > max);
+const hasImpossibleSize = ({ diameter, band }) => isOutside(diameter, DIAMETER_MM) || isOutside(band, BAND_MM);
 
 function coloursState(palette, planned) {
   if (!palette) return 'todo';
@@ -74,6 +85,15 @@ export function isOutdated(planned, palette) {
   if (!palette || planned.length === 0 || !planned.every(isComplete)) return false;
   return signature(planned.map(toolEntry)) !== signature(palette.tools.map(({ name, ...rest }) => ({ tool: name, ...rest })));
 }
+
+/** Whether the instruments differ from those of the learned colours in their sizes alone: nothing has to be marked again. */
+export const isResized = (planned, palette) =>
+  isOutdated(planned, palette) && planned.every(tool => !hasImpossibleSize(tool)) &&
+  kinds(planned.map(toolEntry)) === kinds(palette.tools.map(({ name, ...rest }) => ({ tool: name, ...rest })));
+
+/** The same text for instruments that differ in their sizes alone. */
+const kinds = tools =>
+  tools.map(({ tool, colour, side, marker }) => JSON.stringify([tool, colour ?? null, side ?? null, marker?.kind ?? null])).sort().join();
 
 /** The same text for the same instruments, in any order. */
 const signature = tools => tools.map(signatureOf).sort().join();

@@ -8,9 +8,9 @@ import { Field } from '../parts/forms/form.js';
 import { focusSoon } from '../parts/forms/focus.js';
 import { icons } from '../parts/page/icons.js';
 import { Empty, Notice, ProblemNotice } from '../parts/page/notice.js';
-import { isBare } from './marks.js';
+import { isBare, toolEntry } from './marks.js';
 import { mayBeBare, withAdded, withChange, withKind } from './planned_tools.js';
-import { isOutdated, plannedTool } from './steps.js';
+import { BAND_MM, DIAMETER_MM, isOutdated, isResized, plannedTool } from './steps.js';
 import { BareToolPicture, ToolPicture } from './tool_picture.js';
 import { tapeNames } from './tapes.js';
 
@@ -43,12 +43,31 @@ export function ToolsStep({ box, draft, stepHref, onChange }) {
     </ul>
     ${!known && tools.length < MAX_TOOLS && html`<div class="row"><button id=${ADD} class="button" type="button"
       onClick=${() => set(withAdded(tools))}><${icons.add} />${words.add}</button></div>`}
-    ${isOutdated(tools, box.palettes[0]) && html`<${Notice} tone="warn" quiet title=${t.setup.colours.outdated}>
-        ${t.setup.colours.outdatedBody}<//>
+    ${isOutdated(tools, box.palettes[0]) && html`
+      ${isResized(tools, box.palettes[0]) ? html`<${SaveSizes} box=${box} tools=${tools} onChange=${onChange} />`
+        : html`<${Notice} tone="warn" quiet title=${t.setup.colours.outdated}>${t.setup.colours.outdatedBody}<//>`}
       <div class="row"><button class="button" type="button" onClick=${restoreTools}>${words.takeBack}</button></div>`}
     ${tools.length > 0 && html`<p class="small muted">${words.next} <a href=${stepHref('colours')}>${t.setup.colours.title}</a></p>`}
     <${ViewField} box=${box} onChange=${onChange} />
     <p class="small muted">${words.trocars}</p>`;
+}
+
+/** Sizes alone are saved without painting again. @param {Props} props */
+function SaveSizes({ box, tools, onChange }) {
+  const [busy, setBusy] = useState(false);
+  const [problem, setProblem] = useState(null);
+  const save = async () => {
+    setBusy(true);
+    setProblem(null);
+    const sizes = tools.map(toolEntry).map(({ tool, diameter_mm, band_length_mm, marker }) => ({ tool, diameter_mm, band_length_mm, marker }));
+    await api.boxes.resizeTools(box.id, { tools: sizes }).then(onChange, error => setProblem(asProblem(error)));
+    setBusy(false);
+  };
+  return html`
+    <${Notice} tone="warn" quiet title=${words.resized}>${words.resizedBody}<//>
+    <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
+    <div class="row"><button class="button main" type="button" disabled=${busy} onClick=${save}>${busy ? t.form.saving
+      : words.saveSizes}</button></div>`;
 }
 
 const How = ({ picture, lines }) => html`
@@ -81,16 +100,28 @@ function Tool({ tool, number, isFree, onKind, onChange, onRemove }) {
     </li>`;
 }
 
-/** The entered size, mm; undefined while it is empty or impossible. */
-const sizeIn = input => (input.value && input.validity.valid ? Number(input.value) : undefined);
+/** The entered size, mm; undefined while it is empty or no number. */
+const sizeIn = input => (input.value && !input.validity.badInput ? Number(input.value) : undefined);
+
+/** A field for a size that says at once which sizes are possible, and why. @param {Props} props */
+function SizeField({ range, reason, value, onInput, ...more }) {
+  const [wrong, setWrong] = useState(Number.isFinite(value) && (value < range[0] || value > range[1]));
+  const input = event => {
+    const { rangeUnderflow, rangeOverflow } = event.target.validity;
+    setWrong(rangeUnderflow || rangeOverflow);
+    onInput(event);
+  };
+  return html`<${Field} type="number" step="any" min=${range[0]} max=${range[1]} value=${value} onInput=${input}
+    error=${wrong ? { text: words.range(range[0], range[1], reason) } : undefined} ...${more} />`;
+}
 
 const TapeFields = ({ tool, text, size }) => html`
   <div class="fields">
     <${Field} label=${words.tape} hint=${words.tapeHint} required list="tapes" maxlength="40" value=${tool.tape} onInput=${text('tape')} />
     <${Field} label=${words.name} hint=${words.nameHint} optional maxlength="60" value=${tool.name} onInput=${text('name')} />
-    <${Field} label=${words.diameter} hint=${words.diameterHint} type="number" required step="any" min="0.5" max="50"
-      value=${tool.diameter} onInput=${size('diameter')} />
-    <${Field} label=${words.band} hint=${words.bandHint} type="number" optional step="any" min="1" max="500"
+    <${SizeField} label=${words.diameter} hint=${words.diameterHint} required range=${DIAMETER_MM}
+      reason=${words.ranges.diameter} value=${tool.diameter} onInput=${size('diameter')} />
+    <${SizeField} label=${words.band} hint=${words.bandHint} optional range=${BAND_MM} reason=${words.ranges.band}
       value=${tool.band} onInput=${size('band')} />
     <${Field} label=${t.box.hand} hint=${words.sideHint} type="select" value=${tool.side}
       options=${[['', words.anySide], ...Object.entries(t.box.sides)]} onInput=${text('side')} />
@@ -100,13 +131,14 @@ function BareFields({ tool, text, size, onChange }) {
   const { marker } = tool;
   // Fixed at first: it must not close around the field that is being emptied.
   const [opened] = useState((marker.collar_mm ?? marker.jaw_mm ?? null) !== null);
-  const length = name => ({ target }) => onChange({ marker: { ...marker, [name]: sizeIn(target) } });
+  const length = name => ({ target }) =>
+    onChange({ marker: { ...marker, [name]: target.value && target.validity.valid ? Number(target.value) : undefined } });
   return html`
     <div class="fields">
       <${Field} label=${t.box.hand} hint=${words.bare.sideHint} type="select" value=${tool.side}
         options=${Object.entries(t.box.sides)} onInput=${text('side')} />
-      <${Field} label=${words.bare.diameter} hint=${words.bare.diameterHint} type="number" required step="any" min="0.5"
-        max="50" value=${tool.diameter} onInput=${size('diameter')} />
+      <${SizeField} label=${words.bare.diameter} hint=${words.bare.diameterHint} required range=${DIAMETER_MM}
+        reason=${words.ranges.diameter} value=${tool.diameter} onInput=${size('diameter')} />
       <${Field} label=${words.name} hint=${words.bare.nameHint} optional maxlength="60" value=${tool.name} onInput=${text('name')} />
     </div>
     <details open=${opened}>

@@ -74,6 +74,39 @@ test('the score appears without a reload', async () => {
   await takePictures('03-session');
 });
 
+test('sessions are searched, filtered and counted, and the address of the list keeps the filter', async () => {
+  const list = async query => (await getJson(`session-count${query}`)).matching;
+  await page.goto(`${url}/sessions`);
+  const rows = page.locator('main tbody tr');
+  await rows.first().waitFor();
+  const { trainee, filename, recorded_at } = await getJson(`sessions/${session}`);
+  const count = page.locator('.listed');
+  await page.getByLabel('Search').fill(`${trainee.name} ${filename}`.toUpperCase());
+  await page.waitForURL('**/sessions?search=*');
+  await page.waitForFunction(text => document.querySelector('main tbody')?.innerText.includes(text), filename);
+  const found = await list(`?search=${encodeURIComponent(`${trainee.name} ${filename}`)}`);
+  assert.ok(found > 0 && (await count.innerText()).startsWith(`${found} session`), await count.innerText());
+  const outcome = page.getByLabel('Outcome');
+  await outcome.selectOption('quarantined');
+  await page.getByText('No session matches these filters').waitFor();
+  assert.match(await count.innerText(), /^0 sessions\. The filters hide \d+ others?\.$/);
+  const address = page.url();
+  await page.goto(`${url}/tasks`);
+  await page.goBack();
+  await page.getByText('No session matches these filters').waitFor();
+  assert.equal(page.url(), address, 'back keeps the filter');
+  await page.getByRole('button', { name: 'Clear the filters' }).first().click();
+  await rows.first().waitFor();
+  assert.equal(await page.getByLabel('Search').inputValue(), '');
+  const day = new Date(recorded_at).toLocaleDateString('sv');
+  await page.goto(`${url}/sessions?from=${day}&to=${day}&order=arrival`);
+  await page.waitForFunction(text => document.querySelector('main tbody')?.innerText.includes(text), filename);
+  await takePictures('03-sessions');
+  await page.goto(`${url}/sessions/${session}`);
+  await page.getByText('Supervised: recorded or sent by').waitFor();
+  await page.waitForFunction(() => document.querySelector('video')?.readyState >= 2);
+});
+
 test('the page shows the same value and error of a feature as REST', async () => {
   await page.getByRole('button', { name: 'In space', exact: true }).click();
   const { features, tools } = await getJson(`sessions/${session}`);

@@ -8,6 +8,7 @@ import { readdirSync, readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 
+import { verdictOn, watchBoard } from '../../static/setup/auto_photos.js';
 import { strokeRectangles } from '../../static/setup/marks.js';
 import { violationsOf } from './accessibility.mjs';
 import { launch, LOOKS } from './chromium.mjs';
@@ -120,6 +121,29 @@ test('the page says at once whether a photo is good, and if not, why and where',
   await checkStep('2-photos');
 });
 
+test('the page takes a photo by itself when the board is found, held still and somewhere new', async () => {
+  const at = x => ({ found: true, width: 1000, corners: [[x, 10], [x + 100, 10]] });
+  const nothing = { found: false, width: 1000, corners: [] };
+  const taken = [at(100)];
+  assert.equal(verdictOn(nothing, at(300), taken), 'search');
+  assert.equal(verdictOn(at(105), at(105), taken), 'move', 'there is a photo of it');
+  assert.equal(verdictOn(at(300), at(290), taken), 'still', 'it moves');
+  assert.equal(verdictOn(at(300), nothing, taken), 'still', 'nothing to compare with');
+  assert.equal(verdictOn(at(300), at(302), taken), 'take');
+  let looks = 0;
+  const [controller, verdicts] = [new AbortController(), []];
+  const seen = [nothing, at(100), at(101), at(101), at(500), at(501)];
+  globalThis.document = { hidden: false };
+  await watchBoard({
+    signal: controller.signal,
+    taken: () => verdicts.filter(([verdict]) => verdict === 'take').map(([, check]) => check),
+    look: async () => ({ blob: null, check: seen[looks++] }),
+    onVerdict: (verdict, _, check) => (verdicts.push([verdict, check]), looks === seen.length && controller.abort()),
+  });
+  delete globalThis.document;
+  assert.deepEqual(verdicts.map(([verdict]) => verdict), ['search', 'still', 'take', 'move', 'still', 'take']);
+});
+
 test('the camera is calibrated from the good photos, and each photo’s residual equals that of REST', async () => {
   await goTo('Calibrate');
   const good = files('boards').length;
@@ -146,6 +170,11 @@ test('instruments are described by their tape and sizes', async () => {
     await page.getByRole('button', { name: 'Add an instrument' }).click();
     const form = page.locator('fieldset.instrument').nth(index);
     await form.getByLabel('Colour of the tape').fill(tool.colour ?? tool.tool);
+    if (index === 0) {
+      await form.getByLabel('Diameter over the tape').fill('50');
+      await form.getByText('Possible are 2 to 15 mm').waitFor();
+      assert.equal(await state('Instruments'), 'check again', 'a slip of the keyboard is no size');
+    }
     await form.getByLabel('Diameter over the tape').fill(String(tool.diameter_mm));
     await form.getByLabel('Length of the tape').fill(String(tool.band_length_mm));
   }
@@ -247,6 +276,26 @@ test('each step has its own address, and the photos remain after a visit to anot
   assert.equal(await page.locator('.photo.good').count(), files('boards').length);
   const focused = await page.evaluate(() => document.activeElement.id);
   assert.equal(focused, 'setup-step', 'the step’s title has the focus, so that a screen reader reads it');
+});
+
+test('a size is corrected without painting again', async () => {
+  const paletteOf = async () => (await getJson(`boxes/${box}/palettes`)).items[0];
+  const before = await paletteOf();
+  await goTo('Instruments');
+  const take = page.getByRole('button', { name: 'Change them' });
+  if (await take.isVisible()) await take.click();
+  const diameter = page.locator('fieldset.instrument').first().getByLabel('Diameter over the tape');
+  const [was, is] = [await diameter.inputValue(), '5.4'];
+  for (const [version, size] of [[before.version + 1, is], [before.version + 2, was]]) {
+    await diameter.fill(size);
+    await page.getByRole('button', { name: 'Save the sizes' }).click();
+    await page.getByText('The sizes were changed').waitFor({ state: 'detached' });
+    const after = await paletteOf();
+    assert.equal(after.version, version);
+    assert.ok(after.tools.some(tool => tool.diameter_mm === Number(size)), JSON.stringify(after.tools));
+    assert.deepEqual([after.counts, after.verdicts, after.annotations.labels], [before.counts, before.verdicts, before.annotations.labels]);
+  }
+  assert.deepEqual((await paletteOf()).tools, before.tools);
 });
 
 test('no page sent a request to another origin, violated the security policy or threw an error', () => {

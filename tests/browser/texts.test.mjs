@@ -16,7 +16,7 @@ const sources = ['src', 'measurement/src'].flatMap(folder =>
 
 /** Texts that are the same in English and German: names, signs, units and shared words. */
 const SAME_IN_BOTH = new Set([
-  'product', 'nav.wall', 'live.open', 'account.name', 'sessions.status', 'target.box', 'sessions.box', 'session.box',
+  'product', 'nav.wall', 'live.open', 'account.name', 'target.box', 'sessions.box', 'session.box',
   'session.spans.20', 'session.spans.5', 'session.clock', 'session.x', 'session.y', 'session.z',
   'session.speed', 'session.slow', 'session.fast', 'session.off', 'session.toldLive', 'session.formats.csv',
   'session.formats.json', 'session.formats.parquet', 'session.portShift', 'session.noise', 'session.title',
@@ -25,7 +25,7 @@ const SAME_IN_BOTH = new Set([
   'setup.numbered', 'setup.tools.numbered', 'setup.tools.name', 'setup.colours.zoom', 'setup.agent.secret', 'people.name', 'invitations.name', 'invitations.link',
   'report.box', 'report.sha256', 'report.standard', 'task.version', 'task.share', 'standardForm.cohortOf',
   'rescoring.orderOf', 'rescoring.was', 'groups.state', 'groups.name', 'groups.noStandard', 'enrol.columns.name',
-  'cohorts.name', 'courses.of', 'balance.of', 'certificate.standard', 'form.optional', 'units.none', 'watch.because',
+  'cohorts.name', 'courses.of', 'balance.of', 'certificate.standard', 'background.other', 'form.optional', 'units.none', 'watch.because',
   'standardForm.presetOf', 'today.announce', 'upload.announce', 'target.forWhom', 'record.keptHere', 'selfTest.partLight',
   'selfTest.dayLight', 'trainee.point', 'feedback.on', 'trainee.judgements.plain',
 ]);
@@ -127,6 +127,7 @@ const CODE_ARGUMENTS = {
   longest: [{ from_s: 2.2, to_s: 6, to_end: true }],
   rows: [{ from_frame: 9, from_s: 0.3, to_frame: 10, to_s: 0.3333 }],
   moment: [83.2],
+  invalid: ['12', '3', '40'],
   problems: [{ field: 'trainee', limit: 5, limit_bytes: 2_000_000, reason: 'too_few_people', missing: { novice: 3, intermediate: 0, expert: 1 } }],
   colours: [{ share: 0.123, label: 'background', light: '30 % darker', frame: 7, at: [1, 2], steps: [1.23, 4.56], largest_of_band: 0.7 }],
   selfTest: [{ light: 'green', figure: 0.123 }, { accuracy: { touches: 6, rms_mm: 1, along_rms_mm: 1, across_rms_mm: 1, largest_mm: 2 },
@@ -187,5 +188,21 @@ test('every code of the service has a German text', () => {
   for (const [kindOf, codes] of Object.entries(lists)) {
     assert.ok(codes.length >= 5, `${kindOf}: ${codes.length} found in the source`);
     assert.deepEqual(codes.filter(code => !(code in said[kindOf])), [], `${kindOf} without a German text`);
+  }
+});
+
+test('what the service says about a field has a German sentence, which is the first that fits', () => {
+  for (const [message, expected] of [
+    ['has 0 characters; expected 1 to 120', /ausfüllen/],
+    ['name: has 130 characters; expected 1 to 120.', /130 Zeichen/],
+    ['login: expected only a–z 0–9 . _ - @ +.', /ohne Leerzeichen/],
+    ['expected only a–z 0–9 and dashes', /Bindestriche/],
+    ['is 50; expected 1 to 30 frames a second', /50 Bilder je Sekunde/],
+    ['is 0; expected 1 to 200', /erlaubt sind 1 bis 200/],
+    ['is missing; send the recording', /fehlt/],
+    ['missing field `name` at line 1 column 2', /fehlt/],
+  ]) {
+    const [pattern, words] = said.invalid.find(([one]) => one.test(message));
+    assert.match(words(...message.match(pattern).slice(1)), expected, message);
   }
 });

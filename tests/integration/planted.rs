@@ -20,6 +20,7 @@ use trocar::domain::scope::Scope;
 use trocar::domain::session::{
     FeatureError, FeatureRow, FeatureSpace, NewResult, NewScore, NewSession, Versions, VideoFacts,
 };
+use trocar::domain::standard::{StandardDefinition, StandardStart};
 use trocar::domain::text::Key;
 use trocar::ids::{BoxId, CalibrationId, PaletteId, SessionId, TaskId, TraineeId};
 use trocar::motion::PIPELINE_VERSION;
@@ -150,6 +151,14 @@ impl Planter {
             .fail(&lease, Problem::new("path-alone", "It cannot be scored again", "because"))
             .await
             .unwrap();
+    }
+
+    /// Adds a version of the task's standard that differs from the newest one and judges all sessions.
+    pub async fn standard(&self, change: impl FnOnce(&mut StandardDefinition)) {
+        let service = Scope::service();
+        let mut definition = self.store.standards().newest(&service, self.task).await.unwrap().unwrap().definition;
+        change(&mut definition);
+        self.store.standards().add(&service, self.task, definition, Some(StandardStart::Beginning)).await.unwrap();
     }
 
     /// Trims a session to one second, as an instructor would.

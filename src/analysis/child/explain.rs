@@ -24,6 +24,7 @@ impl ToProblem for MediaError {
             MediaError::Container(_) | MediaError::OtherContainer { .. } => {
                 ("not-a-video", "The file is not a readable video")
             }
+            MediaError::PictureFile => ("picture-not-video", "The file is a picture, not a video"),
             MediaError::CutOff => ("recording-cut-off", "The recording was cut off"),
             MediaError::NoVideo => ("no-video-stream", "The file contains no video stream"),
             MediaError::Codec(_) => ("codec-not-accepted", "The video codec is not accepted"),
@@ -35,17 +36,27 @@ impl ToProblem for MediaError {
             MediaError::PixelFormat(_) => ("pixel-format", "The pixel format cannot be used"),
             MediaError::Orientation(_) => ("picture-orientation", "The picture must be shown in an unusual way"),
             MediaError::HighDynamicRange(_) => ("high-dynamic-range", "The recording has high dynamic range"),
-            MediaError::Ffmpeg { .. } => ("cannot-decode", "The recording cannot be decoded"),
+            MediaError::Ffmpeg { doing, .. } => return cannot_decode(doing),
         };
         Problem::new(slug, title, self.to_string())
     }
+}
+
+/// The recording stopped the decoder while it was doing this. The decoder's own words, such as "Invalid argument", would
+/// help no reader.
+fn cannot_decode(doing: &str) -> Problem {
+    let detail = format!(
+        "the file is damaged, or made in a way that cannot be read ({doing}). Play it to its end on a computer: if that \
+         works, export it there as MP4 (H.264) and send that file; if not, record again"
+    );
+    Problem::new("cannot-decode", "The recording cannot be decoded", detail)
 }
 
 impl ToProblem for ClockError {
     fn to_problem(&self) -> Problem {
         match self {
             ClockError::Media(error) => error.to_problem(),
-            ClockError::Rewind(_) => Problem::new("cannot-decode", "The recording cannot be decoded", self.to_string()),
+            ClockError::Rewind(_) => cannot_decode("reading it a second time"),
             ClockError::Correction(invalid) => {
                 Problem::new("impossible-time", "The given frame rate or duration does not fit", invalid.to_string())
             }
@@ -258,6 +269,7 @@ mod tests {
         let of_file = [
             MediaError::Container("noise".into()),
             MediaError::OtherContainer { name: "MXF", convert: "ffmpeg" },
+            MediaError::PictureFile,
             MediaError::CutOff,
             MediaError::NoVideo,
             MediaError::Codec("prores".into()),

@@ -13,7 +13,7 @@ pub use standing::{
 
 use crate::domain::feature::FeatureKey;
 use crate::domain::named;
-use crate::domain::session::{RecordedAtSource, SessionStatus};
+use crate::domain::session::{RecordedAtSource, SessionStatus, Supervision};
 use crate::domain::standard::{Judgement, Target};
 use crate::ids::SessionId;
 use crate::statistics::interval::ConfidenceInterval;
@@ -53,6 +53,10 @@ pub struct SessionStep {
     pub recorded_at: String,
     /// Who says so.
     pub recorded_at_source: RecordedAtSource,
+    /// False if that time rests only on a trainee's word or file.
+    pub date_known: bool,
+    /// Whether a member of staff saw the attempt; `null`: from before this was recorded.
+    pub supervision: Option<Supervision>,
     /// When it had arrived completely; while it arrives, when it began to.
     #[schema(format = "date-time")]
     pub created_at: String,

@@ -12,6 +12,15 @@ const MAX_SPOOLED: Duration = Duration::from_secs(90 * 86_400);
 /// Difference between two clocks that are both right enough, ms.
 const USUAL_SKEW_MS: i64 = 120_000;
 
+/// How long before its arrival a recording may have begun for the service to vouch for its start: it takes less to connect
+/// again after a short cut of the network, and a wrong clock shows.
+const MAX_SEEN_DELAY_MS: i64 = 600_000;
+
+/// True if the service knows the start of a live recording itself, because it arrived while it was made.
+pub fn is_start_seen(began_at_ms: i64, arrival_ms: i64) -> bool {
+    (arrival_ms - MAX_SEEN_DELAY_MS..=arrival_ms).contains(&began_at_ms)
+}
+
 /// True if a stated start that gave way to the arrival shows a clock that a person has to set.
 pub fn is_clock_wrong(stated_ms: i64, arrival_ms: i64) -> bool {
     start_of_recording(stated_ms, arrival_ms).1 == RecordedAtSource::Arrival

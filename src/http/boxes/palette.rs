@@ -3,12 +3,12 @@
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::IntoResponse;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::form::{FormPictures, MultipartForm};
 use crate::domain::boxes::BoxTool;
-use crate::domain::files::annotations::AnnotationsFile;
+use crate::domain::files::annotations::{AnnotationsFile, ToolSize};
 use crate::domain::job::{AdviseInput, JobInput, NamedBlob, PaletteInput};
 use crate::domain::palette::{ColourVerdict, ConfusionRow, LabelCount, PaletteReport};
 use crate::domain::scope::Scope;
@@ -155,6 +155,36 @@ pub async fn learn_palette(
     Ok((StatusCode::ACCEPTED, Json(QueuedJobResponse { job: job.id })))
 }
 
+/// Corrected sizes of a box's tools.
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NewToolSizes {
+    /// One for each tool of the box.
+    tools: Vec<ToolSize>,
+}
+
+/// Correct the sizes of a box's tools
+///
+/// Makes the next version of the colours, with the marks and samples of the one in use: nothing has to be marked again.
+/// New recordings are measured with these sizes. Earlier sessions keep their results until they are tracked again.
+#[utoipa::path(put, path = "/boxes/{id}/tool-sizes", tag = "boxes",
+    params(("id" = String, Path, description = "id or code")), request_body = NewToolSizes,
+    responses((status = OK, body = PaletteResponse)))]
+pub async fn resize_tools(
+    State(app): State<App>,
+    by: Staff,
+    PathKey(key): PathKey,
+    Json(new): Json<NewToolSizes>,
+) -> HandlerResult<Json<PaletteResponse>> {
+    let of = app.store.boxes().changeable(&by.scope, &key).await?;
+    let now = app.store.palettes().latest(&by.scope, of.id).await?;
+    if let Some(palette) = now {
+        let checked = palette.annotations.with_sizes(new.tools.clone());
+        checked.map_err(|error| ProblemResponse::invalid("tools", error))?;
+    }
+    Ok(Json(app.store.palettes().resize(&by.scope, of.id, new.tools).await?.into()))
+}
+
 /// Reads a [`PaletteForm`].
 pub(super) async fn read_palette_form(mut form: MultipartForm) -> HandlerResult<PaletteFormContent> {
     let (mut annotations, mut pictures, mut empty_box) = (None, FormPictures::default(), FormPictures::default());
@@ -170,8 +200,8 @@ pub(super) async fn read_palette_form(mut form: MultipartForm) -> HandlerResult<
             _ => return Err(part.unexpected("annotations, video or frame_0, frame_1, …, empty_box, keep_empty_box")),
         }
     }
-    let annotations =
-        annotations.ok_or_else(|| ProblemResponse::invalid("annotations", "is missing; send annotations.json"))?;
+    let annotations = annotations
+        .ok_or_else(|| ProblemResponse::invalid("annotations", "is missing: send the tools and their marks"))?;
     check_frames(&annotations, &pictures)?;
     Ok(PaletteFormContent { annotations, pictures, empty_box, keeps_empty_box })
 }

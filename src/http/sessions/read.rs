@@ -1,4 +1,4 @@
-//! List, read, retry, end and erase sessions.
+//! List, count, read, retry, end, supervise and erase sessions.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -6,14 +6,14 @@ use std::collections::hash_map::Entry;
 use axum::extract::State;
 use axum::http::StatusCode;
 use serde::Deserialize;
-use utoipa::IntoParams;
+use utoipa::{IntoParams, ToSchema};
 
 use super::show::SessionResponse;
 use crate::domain::blob::BlobHash;
 use crate::domain::feed::close_reason::CloseCode;
 use crate::domain::scope::Scope;
-use crate::domain::session::{BoxQuestion, SessionStatus};
-use crate::domain::text::Key;
+use crate::domain::session::{BoxQuestion, SessionOrder, SessionOutcome, SessionStatus};
+use crate::domain::text::{Key, SearchWords};
 use crate::events::Event;
 use crate::http::auth::signed_in::{Member, Staff};
 use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
@@ -21,7 +21,8 @@ use crate::http::read::{Json, Params, PathKey};
 use crate::http::show::{PageResponse, Paging};
 use crate::http::state::App;
 use crate::live::Interruption;
-use crate::store::{self, SessionFilter, StandardRecord};
+use crate::store::{self, SessionCount, SessionFilter, StandardRecord};
+use crate::time::from_rfc3339;
 
 /// Selects sessions.
 #[derive(Deserialize, IntoParams)]
@@ -42,6 +43,21 @@ pub struct SessionsQuery {
     status: Option<SessionStatus>,
     /// Only with this recording: SHA-256 of the file, 64 hexadecimal digits.
     sha256: Option<String>,
+    /// Only with this outcome: the state of a session until it is done, then whether it met the standard in use.
+    #[param(inline)]
+    outcome: Option<SessionOutcome>,
+    /// Only sessions whose trainee, task, box or file has each of these words in its name or code; at most 8 words.
+    #[param(value_type = Option<String>)]
+    search: Option<SearchWords>,
+    /// Only recorded at this moment or later (RFC 3339).
+    #[param(format = DateTime)]
+    recorded_from: Option<String>,
+    /// Only recorded before this moment (RFC 3339).
+    #[param(format = DateTime)]
+    recorded_before: Option<String>,
+    /// `arrival`: the last to arrive first. `recorded`: the last to be recorded first. By default `arrival`.
+    #[param(inline)]
+    order: Option<SessionOrder>,
     /// Most items on the page, 1 to 200.
     #[param(minimum = 1, maximum = 200)]
     limit: Option<u32>,
@@ -49,9 +65,36 @@ pub struct SessionsQuery {
     cursor: Option<String>,
 }
 
-/// List the sessions that the caller may see, the last to arrive first
+impl SessionsQuery {
+    fn filter(&self) -> HandlerResult<SessionFilter> {
+        Ok(SessionFilter {
+            trainee: self.trainee.clone(),
+            task: self.task.clone(),
+            in_box: self.in_box.clone(),
+            status: self.status,
+            only_counting: false,
+            outcome: self.outcome,
+            search: self.search.clone(),
+            recorded_from_ms: moment("recorded_from", self.recorded_from.as_deref())?,
+            recorded_before_ms: moment("recorded_before", self.recorded_before.as_deref())?,
+            recording: self.sha256.as_deref().map(file_hash).transpose()?,
+        })
+    }
+}
+
+fn moment(field: &'static str, text: Option<&str>) -> HandlerResult<Option<i64>> {
+    let unreadable = || ProblemResponse::invalid(field, "expected an RFC 3339 time such as 2026-11-21T20:14:00Z");
+    text.map(|text| from_rfc3339(text).ok_or_else(unreadable)).transpose()
+}
+
+fn file_hash(text: &str) -> HandlerResult<BlobHash> {
+    let why = "expected the SHA-256 of a file, 64 hexadecimal digits";
+    text.to_ascii_lowercase().parse().map_err(|_| ProblemResponse::invalid("sha256", why))
+}
+
+/// List the sessions that the caller may see
 ///
-/// The order is that of arrival, not of `recorded_at`: a recording may be sent days after it was made.
+/// By default the last to arrive come first, whenever they were recorded: a recording may be sent days after it was made.
 #[utoipa::path(get, path = "/sessions", tag = "sessions", params(SessionsQuery),
     responses((status = OK, body = PageResponse<SessionResponse>)))]
 pub async fn list(
@@ -59,15 +102,13 @@ pub async fn list(
     by: Member,
     Params(which): Params<SessionsQuery>,
 ) -> HandlerResult<Json<PageResponse<SessionResponse>>> {
-    let SessionsQuery { trainee, task, in_box, status, sha256, limit, cursor } = which;
-    let recording = sha256.map(|text| {
-        let why = "expected the SHA-256 of a file, 64 hexadecimal digits";
-        text.to_ascii_lowercase().parse::<BlobHash>().map_err(|_| ProblemResponse::invalid("sha256", why))
-    });
-    let recording = recording.transpose()?;
-    let page = Paging::new(limit, cursor).request("sessions", app.settings.page_items)?;
-    let filter = SessionFilter { trainee, task, in_box, status, only_counting: false, recording };
-    let store::Page { items, next } = app.store.sessions().list(&by.scope, &filter, &page).await?;
+    let (filter, order) = (which.filter()?, which.order.unwrap_or(SessionOrder::Arrival));
+    let list = match order {
+        SessionOrder::Arrival => "sessions",
+        SessionOrder::Recorded => "sessions-by-recording",
+    };
+    let page = Paging::new(which.limit, which.cursor).request(list, app.settings.page_items)?;
+    let store::Page { items, next } = app.store.sessions().list_ordered(&by.scope, &filter, order, &page).await?;
     let (mut shown, mut standards) = (Vec::with_capacity(items.len()), HashMap::new());
     for session in items {
         let (result, handedness) =
@@ -84,6 +125,63 @@ pub async fn list(
     Ok(Json(PageResponse::of(store::Page { items: shown, next }, |item| item)))
 }
 
+/// Selects sessions to count.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct SessionCountQuery {
+    /// As in `GET /sessions`, like all others.
+    #[param(value_type = Option<String>)]
+    trainee: Option<Key>,
+    #[param(value_type = Option<String>)]
+    task: Option<Key>,
+    #[serde(rename = "box")]
+    #[param(rename = "box", value_type = Option<String>)]
+    in_box: Option<Key>,
+    status: Option<SessionStatus>,
+    #[param(inline)]
+    outcome: Option<SessionOutcome>,
+    #[param(value_type = Option<String>)]
+    search: Option<SearchWords>,
+    #[param(format = DateTime)]
+    recorded_from: Option<String>,
+    #[param(format = DateTime)]
+    recorded_before: Option<String>,
+}
+
+impl From<SessionCountQuery> for SessionsQuery {
+    fn from(which: SessionCountQuery) -> Self {
+        let SessionCountQuery { trainee, task, in_box, status, outcome, search, recorded_from, recorded_before } =
+            which;
+        Self {
+            trainee,
+            task,
+            in_box,
+            status,
+            sha256: None,
+            outcome,
+            search,
+            recorded_from,
+            recorded_before,
+            order: None,
+            limit: None,
+            cursor: None,
+        }
+    }
+}
+
+/// Count the sessions that a filter shows
+#[utoipa::path(get, path = "/session-count", tag = "sessions", params(SessionCountQuery),
+    responses((status = OK, body = SessionCount)))]
+pub async fn count(
+    State(app): State<App>,
+    by: Member,
+    Params(which): Params<SessionCountQuery>,
+) -> HandlerResult<Json<SessionCount>> {
+    let which = SessionsQuery::from(which).filter()?;
+    Ok(Json(app.store.sessions().count(&by.scope, &which).await?))
+}
+
 /// Read one session
 #[utoipa::path(get, path = "/sessions/{id}", tag = "sessions", params(("id" = String, Path, description = "id")),
     responses((status = OK, body = SessionResponse)))]
@@ -94,7 +192,9 @@ pub async fn get(State(app): State<App>, by: Member, at: PathKey) -> HandlerResu
     let early_end = app.store.feeds().early_end(&by.scope, session.id).await?;
     let interruption = app.interruption(&session).await?;
     let setup = app.store.box_versions().of_session(&by.scope, session.id).await?;
+    let same = app.store.sessions().same_recordings(&by.scope, session.id).await?;
     let response = app.judged_session(&by.scope, session).await?.with_interruption(interruption).with_setup(setup);
+    let response = response.with_same_recordings(same, by.scope.is_staff());
     Ok(Json(response.with_live(live).with_arrival(arrival).with_early_end(early_end)))
 }
 
@@ -124,6 +224,31 @@ pub async fn end(State(app): State<App>, by: Member, at: PathKey) -> HandlerResu
         _ => reason.into(),
     })?;
     let session = app.store.sessions().get(&by.scope, ended).await?;
+    Ok(Json(app.judged_session(&by.scope, session).await?))
+}
+
+/// A mark that a member of staff saw the attempt.
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NewSupervision {
+    /// True if the caller saw the attempt; false takes the mark back.
+    supervised: bool,
+}
+
+/// Say whether the caller saw the attempt
+///
+/// A recording that a member of staff records or sends has the mark from the beginning.
+#[utoipa::path(put, path = "/sessions/{id}/supervision", tag = "sessions",
+    params(("id" = String, Path, description = "id")), request_body = NewSupervision,
+    responses((status = OK, body = SessionResponse)))]
+pub async fn supervise(
+    State(app): State<App>,
+    by: Staff,
+    at: PathKey,
+    Json(new): Json<NewSupervision>,
+) -> HandlerResult<Json<SessionResponse>> {
+    let session = app.store.sessions().set_supervised(&by.scope, at.id()?, new.supervised).await?;
+    app.notify_session_changed(&session);
     Ok(Json(app.judged_session(&by.scope, session).await?))
 }
 

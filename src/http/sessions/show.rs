@@ -12,7 +12,7 @@ use crate::domain::hand::{Hand, ToolHands};
 use crate::domain::problem::Problem;
 use crate::domain::session::{
     BoxQuestion, FeatureError, FeatureRow, FeatureSpace, LiveFeature, RecordedAtSource, ResultClock, SessionStatus,
-    Versions,
+    Supervision, Versions,
 };
 use crate::domain::skill::SkillVerdict;
 use crate::domain::standard::{Better, Judgement, SessionJudgement, StandardDefinition, ValueToJudge};
@@ -38,6 +38,17 @@ pub struct SessionResponse {
     recorded_at: Time,
     /// Who says so: `claimed` by the sender, or the `arrival`, which the service knows.
     recorded_at_source: RecordedAtSource,
+    /// False if that time rests only on a trainee's word or file. True if the service noted it, or if staff or the agent
+    /// of the box stated it.
+    date_known: bool,
+    /// Whether a member of staff saw the attempt; `null`: from before this was recorded.
+    supervision: Option<Supervision>,
+    /// Name of the person who saw it, or who took the mark back; `null` without one, and if the account was deleted.
+    supervised_by: Option<String>,
+    /// When that was recorded.
+    supervised_at: Option<Time>,
+    /// The same recording under other trainees: one of them did not do it. `null` if there is none, and in lists.
+    same_recording: Option<SameRecordingResponse>,
     /// When it had arrived completely; while it arrives, when it began to.
     created_at: Time,
     status: SessionStatus,
@@ -98,6 +109,23 @@ pub struct SessionResponse {
     setup: Option<SetupResponse>,
     /// Id of this result, the session's latest. `GET /sessions/{id}/results` lists all.
     result: Option<ResultId>,
+}
+
+/// The same recording, filed under other trainees as well.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct SameRecordingResponse {
+    /// The sessions of trainees that the caller sees; empty for trainees.
+    sessions: Vec<SameSession>,
+}
+
+/// A session of another trainee with the same recording.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct SameSession {
+    id: SessionId,
+    trainee: NamedReference,
+    task: NamedReference,
+    /// When it arrived.
+    created_at: Time,
 }
 
 /// A recording whose sender is gone.
@@ -291,6 +319,11 @@ impl SessionResponse {
             filename: session.filename.into(),
             recorded_at: Time(session.recorded_at_ms),
             recorded_at_source: session.recorded_at_source,
+            date_known: session.date_known,
+            supervision: session.supervision,
+            supervised_by: session.supervisor.map(String::from),
+            supervised_at: session.supervised_at_ms.map(Time),
+            same_recording: None,
             created_at: Time(session.created_at_ms),
             status,
             interruption: None,
@@ -338,6 +371,18 @@ impl SessionResponse {
     /// Adds the versions of camera and colours.
     pub fn with_setup(self, setup: Option<store::SessionSetup>) -> Self {
         Self { setup: setup.map(SetupResponse::from), ..self }
+    }
+
+    /// Adds the same recording under other trainees. A trainee learns that there is one, and no other trainee's name.
+    pub fn with_same_recordings(self, found: store::SameRecordings, by_staff: bool) -> Self {
+        let shown = |same: store::SameRecording| SameSession {
+            id: same.session,
+            trainee: named(same.trainee_id, same.trainee_name, same.trainee_code),
+            task: named(same.task_id, same.task_name, same.task_code),
+            created_at: Time(same.created_at_ms),
+        };
+        let sessions = || found.seen.into_iter().filter(|_| by_staff).map(shown).collect();
+        Self { same_recording: found.exist.then(|| SameRecordingResponse { sessions: sessions() }), ..self }
     }
 
     /// Adds how fast a pushed stream arrived.

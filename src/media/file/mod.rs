@@ -362,8 +362,9 @@ fn unopened(source: ff::Error, shown: Option<UnreadRecording>) -> MediaError {
         (NO_MEMORY, _) => MediaError::Memory,
         (_, Some(UnreadRecording::CutOff)) => MediaError::CutOff,
         (_, Some(UnreadRecording::Container(name, convert))) => MediaError::OtherContainer { name, convert },
-        (_, Some(UnreadRecording::Photo)) => MediaError::Container("it is a photo".to_owned()),
+        (_, Some(UnreadRecording::Photo)) => MediaError::PictureFile,
         (ff::Error::Other { errno: ff::ffi::EINVAL }, None) => MediaError::Container("an unknown container".to_owned()),
+        (ff::Error::InvalidData, None) => MediaError::Container("damaged, or no video".to_owned()),
         (other, None) => MediaError::Container(other.to_string()),
     }
 }

@@ -2,7 +2,10 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `mod.rs` | the session, its status, lists |
+//! | `mod.rs` | the session and its status |
+//! | `list.rs` | lists: filters, orders, counts |
+//! | `same_recording.rs` | the same recording under another trainee |
+//! | `supervision.rs` | marks that staff saw an attempt |
 //! | `queue_positions.rs` | positions in the queue |
 //! | `write.rs` | create, retry, erase |
 //! | `result.rs` | results and features |
@@ -12,25 +15,31 @@
 
 mod attention;
 pub(super) mod evidence;
+pub(super) mod list;
 pub(super) mod practice;
 pub(super) mod queue_positions;
 pub(super) mod result;
+mod same_recording;
+mod supervision;
 mod write;
 
 pub use attention::AttentionItem;
+pub use list::{SessionCount, SessionFilter};
 pub use practice::{Practice, PracticeMeasurement, PracticeResult, PracticeSession, TraineeTask};
 pub use result::{SessionOrderKey, SessionResult};
-pub(super) use write::{DELETE_SESSION, NewSessionRow, SELECT_SAME_PATH, SELECT_SAME_SESSION, insert};
+pub use same_recording::{SameRecording, SameRecordings};
+pub(super) use write::{
+    DELETE_SESSION, NewSessionRow, SELECT_SAME_PATH, SELECT_SAME_SESSION, insert, is_trusted_sender, supervising_sender,
+};
 
 use super::error::{StoreResult, not_found};
-use super::page::{Page, PageRequest};
 use super::visibility::{BindScope, TraineeAudience};
 use super::{Scope, Store};
 use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::job::JobState;
 use crate::domain::problem::Problem;
-use crate::domain::session::{BoxQuestion, RecordedAtSource, SessionStatus};
-use crate::domain::text::{Code, FileName, Key, Name, TrackerName};
+use crate::domain::session::{BoxQuestion, RecordedAtSource, SessionStatus, Supervision};
+use crate::domain::text::{Code, FileName, Name, TrackerName};
 use crate::domain::trainee::Handedness;
 use crate::ids::{BoxId, JobId, SessionId, TaskId, TraineeId};
 use crate::time::Day;
@@ -81,6 +90,14 @@ pub struct SessionRecord {
     pub recorded_at_ms: i64,
     /// Who says so.
     pub recorded_at_source: RecordedAtSource,
+    /// False if that time rests only on a trainee's word or file.
+    pub date_known: bool,
+    /// Whether a member of staff saw the attempt; `None`: from before this was recorded.
+    pub supervision: Option<Supervision>,
+    /// When that was recorded, epoch ms.
+    pub supervised_at_ms: Option<i64>,
+    /// Name of the person who saw it, or who took the mark back; `None` without one, and if the account was deleted.
+    pub supervisor: Option<Name>,
     /// When it had arrived completely, epoch ms.
     pub created_at_ms: i64,
     /// The latest tracking or import job, which determines the status. Jobs that only score again do not count, since
@@ -104,23 +121,6 @@ pub struct SessionRecord {
     /// Its position in the queue, from 1, while it waits there.
     #[sqlx(skip)]
     pub queue_position: Option<i64>,
-}
-
-/// A filter for lists of sessions.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct SessionFilter {
-    /// Only of this trainee, by id or code.
-    pub trainee: Option<Key>,
-    /// Only of this task, by id or code.
-    pub task: Option<Key>,
-    /// Only in this box, by id or code.
-    pub in_box: Option<Key>,
-    /// Only sessions with this status.
-    pub status: Option<SessionStatus>,
-    /// Only sessions that count: neither set aside, nor of a box that is asked about.
-    pub only_counting: bool,
-    /// Only sessions with this recording.
-    pub recording: Option<BlobHash>,
 }
 
 /// A session that was read once for many callers.
@@ -169,15 +169,15 @@ impl SessionRecord {
             return Some(Problem::new("video-deleted", "The video was deleted before it was tracked", deleted));
         }
         let lacking = match (self.job_id, self.box_has_camera, self.box_has_palette) {
-            (None, false, false) => "calibrated camera and no marked colours",
-            (None, false, true) => "calibrated camera",
-            (None, true, false) => "marked colours",
+            (None, false, false) => "Its camera was not measured yet, and its tool colours were not marked",
+            (None, false, true) => "Its camera was not measured yet",
+            (None, true, false) => "Its tool colours were not marked yet",
             _ => return self.job_problem.clone(),
         };
         let detail = format!(
-            "the recording is safe, but box `{}` has no {lacking} yet: send its camera.json or checkerboard photos, \
-             and its annotations; tracking then starts by itself",
-            self.box_code
+            "The recording is safe, but {} is not set up. {lacking}. Instructors and administrators do this under “Set \
+             up” on the page of the box; the recording is then scored by itself.",
+            self.box_name
         );
         Some(Problem::new("box-not-ready", "The box is not ready", detail))
     }
@@ -188,60 +188,15 @@ impl SessionRecord {
     }
 }
 
-const SELECT_SESSIONS: &str = "
-    SELECT session_record.*, (SELECT dropped_at_ms FROM blob WHERE hash = video) AS video_dropped_at_ms,
-           (SELECT stored.recorded_at_source FROM session AS stored
-            WHERE stored.id = session_record.id) AS recorded_at_source
-    FROM session_record
-    WHERE ($1 = 'administrator'
-           OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
-      AND ($3 IS NULL OR $3 IN (trainee_id, trainee_code))
-      AND ($4 IS NULL OR $4 IN (task_id, task_code))
-      AND ($5 IS NULL OR $5 IN (box_id, box_code))
-      AND ($6 IS NULL OR $6 = CASE WHEN video IS NULL THEN 'receiving'
-                              WHEN job_state = 'running' THEN 'tracking' WHEN job_state = 'done' THEN 'done'
-                              WHEN job_state IN ('failed', 'quarantined') THEN 'failed'
-                              WHEN job_state IS NULL AND EXISTS (SELECT 1 FROM blob WHERE hash = video
-                                                                 AND dropped_at_ms IS NOT NULL) THEN 'failed'
-                              ELSE 'queued' END)
-      AND ($7 IS NULL OR id < $7)
-      AND (NOT $8
-           OR NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session_record.id))
-      AND ($10 IS NULL OR id IN (SELECT same.id FROM session AS same WHERE same.video = $10))
-    ORDER BY id DESC LIMIT $9";
-
 const SELECT_SESSION: &str = "
-    SELECT session_record.*, (SELECT dropped_at_ms FROM blob WHERE hash = video) AS video_dropped_at_ms,
-           (SELECT stored.recorded_at_source FROM session AS stored
-            WHERE stored.id = session_record.id) AS recorded_at_source
-    FROM session_record
+    SELECT session_record.*, (SELECT dropped_at_ms FROM blob WHERE hash = video) AS video_dropped_at_ms, background.*
+    FROM session_record JOIN session_background AS background ON background.session_id = session_record.id
     WHERE id = $3
       AND ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))";
 
 impl SessionStore<'_> {
-    /// The sessions that the scope sees, newest first.
-    pub async fn list(
-        &self,
-        scope: &Scope,
-        which: &SessionFilter,
-        page: &PageRequest,
-    ) -> StoreResult<Page<SessionRecord>> {
-        let rows = sqlx::query_as(SELECT_SESSIONS);
-        let rows = rows.bind_scope(scope).bind(&which.trainee).bind(&which.task).bind(&which.in_box);
-        let rows = rows
-            .bind(which.status.map(SessionStatus::name))
-            .bind(page.after())
-            .bind(which.only_counting)
-            .bind(page.row_limit())
-            .bind(which.recording);
-        let mut rows: Vec<SessionRecord> = rows.fetch_all(self.0.readers()).await?;
-        self.fill_queue_positions(&mut rows).await?;
-        Ok(Page::from_rows(rows, page, |session: &SessionRecord| session.id.to_string()))
-    }
-
     /// One session.
     pub async fn get(&self, scope: &Scope, id: SessionId) -> StoreResult<SessionRecord> {
         let row: Option<SessionRecord> =

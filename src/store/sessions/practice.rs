@@ -13,7 +13,7 @@ use super::SessionStore;
 use crate::domain::feature::FeatureKey;
 use crate::domain::hand::ToolHands;
 use crate::domain::job::JobState;
-use crate::domain::session::{BoxQuestion, FeatureSpace, RecordedAtSource, SessionStatus};
+use crate::domain::session::{BoxQuestion, FeatureSpace, RecordedAtSource, SessionStatus, Supervision};
 use crate::domain::text::Key;
 use crate::ids::{CalibrationId, ResultId, SessionId, TaskId, TraineeId};
 use crate::motion::features::Feature;
@@ -46,6 +46,10 @@ pub struct PracticeSession {
     pub recorded_at_ms: i64,
     /// Who says so.
     pub recorded_at_source: RecordedAtSource,
+    /// False if that time rests only on a trainee's word or file.
+    pub date_known: bool,
+    /// Whether a member of staff saw the attempt; `None`: from before this was recorded.
+    pub supervision: Option<Supervision>,
     /// When it had arrived completely, epoch ms.
     pub created_at_ms: i64,
     /// Its place in the order of arrival.
@@ -93,6 +97,8 @@ struct PracticeRow {
     id: SessionId,
     recorded_at_ms: i64,
     recorded_at_source: RecordedAtSource,
+    date_known: bool,
+    supervision: Option<Supervision>,
     created_at_ms: i64,
     arrival: i64,
     is_whole: bool,
@@ -124,6 +130,8 @@ type PracticeFeatureRow =
 pub(in crate::store) const SELECT_PRACTICE: &str = "
     SELECT session.*,
            (SELECT stored.recorded_at_source FROM session AS stored WHERE stored.id = session.id) AS recorded_at_source,
+           (SELECT stored.date_known FROM session AS stored WHERE stored.id = session.id) AS date_known,
+           (SELECT stored.supervision FROM session AS stored WHERE stored.id = session.id) AS supervision,
            (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms,
            (SELECT left_tool FROM result WHERE result.id = session.result_id) AS left_tool,
            (SELECT right_tool FROM result WHERE result.id = session.result_id) AS right_tool,
@@ -144,6 +152,8 @@ pub(in crate::store) const SELECT_PRACTICE_OF_MANY: &str = "
          FROM json_each($3) AS wanted)
     SELECT session.*,
            (SELECT stored.recorded_at_source FROM session AS stored WHERE stored.id = session.id) AS recorded_at_source,
+           (SELECT stored.date_known FROM session AS stored WHERE stored.id = session.id) AS date_known,
+           (SELECT stored.supervision FROM session AS stored WHERE stored.id = session.id) AS supervision,
            (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms,
            (SELECT left_tool FROM result WHERE result.id = session.result_id) AS left_tool,
            (SELECT right_tool FROM result WHERE result.id = session.result_id) AS right_tool, pair.in_all
@@ -299,6 +309,8 @@ impl PracticeRow {
             id: self.id,
             recorded_at_ms: self.recorded_at_ms,
             recorded_at_source: self.recorded_at_source,
+            date_known: self.date_known,
+            supervision: self.supervision,
             created_at_ms: self.created_at_ms,
             arrival: self.arrival,
             status: if self.is_whole { self.job_state.into() } else { SessionStatus::Receiving },

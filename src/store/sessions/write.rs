@@ -13,8 +13,8 @@ use super::super::{Scope, blobs, edits, skill_models};
 use super::{SessionRecord, SessionStore};
 use crate::domain::blob::BlobHash;
 use crate::domain::job::{ImportInput, JobInput, JobState};
-use crate::domain::session::{ForeignPath, NewSession, RecordedAtSource};
-use crate::ids::{BoxId, JobId, ResultId, SessionId, TaskId, TraineeId};
+use crate::domain::session::{ForeignPath, NewSession, RecordedAtSource, Supervision};
+use crate::ids::{BoxId, JobId, PersonId, ResultId, SessionId, TaskId, TraineeId};
 
 pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id = $1";
 
@@ -22,8 +22,9 @@ const DELETE_ARRIVING_SESSION: &str = "DELETE FROM session WHERE id = $1 AND vid
 
 const INSERT_SESSION: &str = "
     INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms,
-                         recorded_at_source, created_at_ms, tracker, path_hash)
-    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)";
+                         recorded_at_source, created_at_ms, tracker, path_hash, date_known, supervision, supervised_by,
+                         supervised_at_ms)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, iif($15 IS NULL, NULL, $10))";
 
 /// A row of the table `session`.
 pub(in crate::store) struct NewSessionRow {
@@ -38,6 +39,19 @@ pub(in crate::store) struct NewSessionRow {
     pub recorded_at_source: RecordedAtSource,
     pub created_at_ms: i64,
     pub imported: Option<ForeignPath>,
+    pub date_known: bool,
+    pub supervisor: Option<PersonId>,
+}
+
+/// True if the sender is believed when a recording was made: staff, the agents of boxes and the service, but no trainee.
+pub(in crate::store) fn is_trusted_sender(by: &Scope) -> bool {
+    by.own_trainee().is_none()
+}
+
+/// The person who supervised an attempt by recording or sending it; `None` for a trainee and for a program, which watches
+/// no attempt.
+pub(in crate::store) fn supervising_sender(by: &Scope) -> Option<PersonId> {
+    by.person().filter(|_| by.is_staff() && by.token().is_none())
 }
 
 impl NewSessionRow {
@@ -46,7 +60,8 @@ impl NewSessionRow {
         let insert = insert.bind(self.box_id).bind(self.filename).bind(self.media_type).bind(self.video);
         let insert = insert.bind(self.recorded_at_ms).bind(self.recorded_at_source).bind(self.created_at_ms);
         let (tracker, path) = self.imported.map(|path| (path.tracker, path.hash)).unzip();
-        insert.bind(tracker).bind(path)
+        let supervision = if self.supervisor.is_some() { Supervision::SentByStaff } else { Supervision::None };
+        insert.bind(tracker).bind(path).bind(self.date_known).bind(supervision).bind(self.supervisor)
     }
 }
 
@@ -197,6 +212,8 @@ async fn insert_session(
         recorded_at_source,
         created_at_ms: now_ms,
         imported,
+        date_known: recorded_at_source == RecordedAtSource::Arrival || is_trusted_sender(scope),
+        supervisor: supervising_sender(scope),
     };
     row.insert().execute(&mut *tx).await.map_err(missing("task or box"))?;
     Ok(id)

@@ -78,10 +78,10 @@ async fn a_recording_that_comes_before_camera_and_colours_waits_and_says_for_wha
     let service = Scope::service();
     let session = centre.session(centre.trainee("Ana").await.id, "video").await;
     assert_eq!(session.status(), SessionStatus::Queued);
-    assert!(session.problem().unwrap().detail.contains("no calibrated camera and no marked colours yet"));
+    assert!(session.problem().unwrap().detail.contains("camera was not measured yet, and its tool colours"));
     centre.calibrate().await;
     let session = centre.store.sessions().get(&service, session.id).await.unwrap();
-    assert!(session.problem().unwrap().detail.contains("no marked colours"));
+    assert!(session.problem().unwrap().detail.contains("Its tool colours were not marked yet"));
     centre.give_colours().await;
     let session = centre.store.sessions().get(&service, session.id).await.unwrap();
     assert_eq!((session.queue_position, session.problem()), (Some(1), None));

@@ -10,6 +10,7 @@ use crate::domain::scope::Scope;
 use crate::domain::session::NewSession;
 use crate::ids::SessionId;
 use crate::store::jobs::CLAIM;
+use crate::store::sessions::list::SELECT_BY_RECORDING;
 use crate::store::sessions::queue_positions::SELECT_QUEUE_POSITIONS;
 use crate::store::sessions::result::SELECT_FULCRUMS_BEFORE;
 use crate::store::testing::TestCentre;
@@ -51,6 +52,14 @@ async fn mark_colours_again(centre: &TestCentre) {
         empty_box: None,
     };
     centre.store.jobs().enqueue(&Scope::service(), JobInput::Palette(input)).await.unwrap();
+}
+
+#[tokio::test]
+async fn sessions_by_recording_time_are_read_from_their_index() {
+    let centre = TestCentre::new().await;
+    let plan = plan(&centre, SELECT_BY_RECORDING).await;
+    assert!(plan.iter().any(|step| step.contains("USING INDEX session_recorded")), "{plan:#?}");
+    assert!(!plan.iter().any(|step| step.contains("TEMP B-TREE FOR ORDER BY")), "{plan:#?}");
 }
 
 #[tokio::test]

@@ -1,7 +1,8 @@
 // Forms from a list of fields: labels, hints, the server's problem inside the form, and no double submission.
 import { html, useId, useRef, useState } from '../../preact.js';
 import { asProblem } from '../../data.js';
-import { serviceLang, t } from '../../texts.js';
+import { t } from '../../texts.js';
+import { fieldErrorText } from '../../translate.js';
 import { ProblemNotice } from '../page/notice.js';
 
 /** One labelled input. `type`: text, password, number, date…, file, select (`options: [value, text][]`), textarea, checks. */
@@ -42,7 +43,7 @@ export function Field({
       ${type === 'textarea' && html`<textarea ...${shared} defaultValue=${value ?? ''}></textarea>`}
       ${type !== 'select' && type !== 'textarea' && html`<input type=${type} ...${shared} ...${type === 'file' ? {}
         : { defaultValue: value ?? '' }} />`}
-      ${error && html`<p class="hint wrong" id=${`${id}-error`} lang=${serviceLang}>${error}</p>`}
+      ${error && html`<p class="hint wrong" id=${`${id}-error`} lang=${error.lang}>${error.text}</p>`}
       ${hint && html`<p class="hint" id=${`${id}-hint`}>${hint}</p>`}
     </div>`;
 }
@@ -68,7 +69,10 @@ export function Form({ fields, onSave, onCancel, cancel = t.form.cancel, submit 
     event.target.tagName === 'SELECT' && setChosen(before => ({ ...before, [event.target.name]: event.target.value }));
   const shown = fields.filter(field => !field.when || field.when(chosen));
   /** What is wrong with a field, as the service says. */
-  const errorOf = name => problem?.errors?.find(one => one.field === name)?.message;
+  const errorOf = name => {
+    const error = problem?.errors?.find(one => one.field === name);
+    return error && fieldErrorText(error);
+  };
   const save = async event => {
     event.preventDefault();
     setBusy(true);

@@ -7,7 +7,10 @@ const words = t.session;
 /** Usual time to record and send a recording, ms. A larger difference is shown. */
 const MAX_USUAL_MS = 3_600_000;
 
-/** @typedef {Pick<Schemas['SessionResponse'], 'recorded_at' | 'recorded_at_source' | 'created_at'>} Times */
+/** @typedef {Pick<Schemas['SessionResponse'], 'recorded_at' | 'recorded_at_source' | 'date_known' | 'created_at'>} Times */
+
+/** @param {Times} session */
+const sourceOf = session => (session.recorded_at_source === 'claimed' && session.date_known ? 'stated' : session.recorded_at_source);
 
 /** @param {Times} session */
 function arrivalIfNotable({ recorded_at: recorded, recorded_at_source: source, created_at: arrived }) {
@@ -21,12 +24,16 @@ function arrivalIfNotable({ recorded_at: recorded, recorded_at_source: source, c
  * @param {Times} session
  */
 export function recordedAtText(session) {
-  const source = words.recordedAtSources[session.recorded_at_source];
+  const source = words.recordedAtSources[sourceOf(session)];
   return [`${dateTime(session.recorded_at)} (${source})`, arrivalIfNotable(session)].filter(Boolean).join(' · ');
 }
 
-/** For lists: when a session arrived, where that differs much from the stated time. @param {{ session: Times }} props */
+/**
+ * For lists: that the date is only claimed, and when the session arrived, where that differs much from the stated time.
+ *
+ * @param {{ session: Times }} props
+ */
 export function ArrivalNote({ session }) {
-  const arrival = arrivalIfNotable(session);
-  return arrival && html` <span class="small muted">${arrival}</span>`;
+  const notes = [!session.date_known && words.claimed, arrivalIfNotable(session)].filter(Boolean);
+  return notes.length > 0 && html` <span class="small muted">${notes.join(' · ')}</span>`;
 }

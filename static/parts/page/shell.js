@@ -5,6 +5,7 @@ import { may } from '../../roles.js';
 import { chooseTheme, onThemeChange, themeChoice } from '../../theme.js';
 import { t } from '../../texts.js';
 import { isRecording, onRecording } from '../../record/current_recording.js';
+import { isSending, onSharedChange, sharedIdleMinutes } from '../../shared_device.js';
 import { useFollowed } from '../guide/followed.js';
 import { FeedbackMark } from '../people/new_feedback.js';
 import { CentreMark } from './centre_mark.js';
@@ -38,7 +39,7 @@ function navEntries(person) {
 export const traineeId = person => person.trainee?.id ?? person.trainee ?? null;
 
 /** @param {Props} props */
-export function Shell({ person, current, children }) {
+export function Shell({ person, current, children, onNextPerson }) {
   return html`
     <a class="button skip" href="#main">${t.skip}</a>
     <header class="top">
@@ -54,6 +55,7 @@ export function Shell({ person, current, children }) {
       <div class="account">
         <${LanguageMenu} />
         <${ThemeSwitch} />
+        <${NextPerson} onNext=${onNextPerson} />
         <a class="who" href=${href(['account'])} aria-current=${current === 'account' ? 'page' : undefined}>
           ${person.name}<small>${t.roles[person.role] ?? person.role}</small>
         </a>
@@ -76,6 +78,16 @@ function Guide({ person }) {
     if (isShown && !state.Bar) import('../guide/guide_bar.js').then(module => setState({ Bar: module.default }), () => {});
   }, [isShown]);
   return isShown && state.Bar && html`<${state.Bar} address=${address} />`;
+}
+
+/** On a device that several people use. A recording or upload comes to its end first. @param {Props} props */
+function NextPerson({ onNext }) {
+  const read = () => ({ isShared: sharedIdleMinutes() > 0, isBusy: isRecording() || isSending() });
+  const [{ isShared, isBusy }, setState] = useState(read);
+  useEffect(() => onSharedChange(() => setState(read())), []);
+  useEffect(() => onRecording(() => setState(read())), []);
+  return isShared && html`<button class="button" type="button" disabled=${isBusy} title=${isBusy ? t.shared.busy : undefined}
+    onClick=${onNext}>${t.shared.next}</button>`;
 }
 
 /** Shows on every page that a recording is running. */

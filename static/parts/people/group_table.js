@@ -40,7 +40,7 @@ export function GroupTable({ progress }) {
         ${head('name', words.name)}<th scope="col">${words.course}</th>
         ${head('value', `${words.newest}${unit(progress.unit) ? `, ${unit(progress.unit)}` : ''}`, 'number')}
         <th scope="col">${words.target}</th>${head('state', words.state)}
-        ${head('sessions', words.sessions, 'number')}${head('last', words.last, 'third')}
+        ${head('sessions', words.sessions, 'number wide')}${head('last', words.last, 'wide')}
       </tr></thead>
       <tbody>${rows.map(row => html`<${Row} key=${row.trainee} row=${row} progress=${progress} />`)}</tbody>
     </table></div>
@@ -83,13 +83,14 @@ function Row({ row, progress }) {
   const name = row.person.name;
   return html`
     <tr>
-      <th scope="row"><a class="cover" href=${href(['trainees', row.trainee], { task: progress.task.id })}>${name}</a></th>
+      <th scope="row"><a class="cover" href=${href(['trainees', row.trainee], { task: progress.task.id })}>${name}</a>
+        <span class="narrow small muted">${words.trained(row.sessions, row.last_at ? date(row.last_at) : words.never)}</span></th>
       <td>${row.points.length > 0 && html`<${Sparkline} points=${row.points} limit=${progress.target?.limit} name=${words.spark(name, row.points.length)} />`}</td>
       <td class="number">${point ? html`<a href=${href(['sessions', row.newest])}>${pointText(point)}</a>` : '–'}</td>
       <td>${judgementCell(point)}</td>
       <td>${state ? html`<span class=${`pill ${state.tone}`}>${state.words}</span>` : words.noStandard}</td>
-      <td class="number">${row.sessions}</td>
-      <td class="when third">${row.last_at ? date(row.last_at) : words.never}</td>
+      <td class="number wide">${row.sessions}</td>
+      <td class="when wide">${row.last_at ? date(row.last_at) : words.never}</td>
     </tr>`;
 }
 

@@ -1,10 +1,13 @@
 // What a person who records must know now: nothing while all is well.
-import { html } from '../../preact.js';
+import { html, useEffect, useState } from '../../preact.js';
+import { api } from '../../api.js';
 import { fixed } from '../../format.js';
+import { useLive } from '../../live.js';
 import { href } from '../../router.js';
 import { t } from '../../texts.js';
 import { discardRecording, retrySending } from '../../record/recorder.js';
 import { Announce, Notice } from '../page/notice.js';
+import { isMoving, Outcome as SessionOutcome } from '../page/status.js';
 
 const words = t.record;
 /**
@@ -45,13 +48,27 @@ function ConnectionLost({ recording: { code, kept, session } }) {
     <${Notice} quiet tone="warn" title=${why.title}>${words.keeps(fixed(kept.seconds, 0))} ${why.body}<//>`;
 }
 
+/** The session of a recording that has ended, once it is scored or has failed. */
+function useScored(id) {
+  const [session, setSession] = useState(/** @type {Schemas['SessionResponse'] | null} */ (null));
+  const read = async () => {
+    const found = await api.sessions.get(id).catch(() => null);
+    if (found) setSession(isMoving(found) ? null : found);
+  };
+  useEffect(() => void (id && read()), [id]);
+  useLive('session', event => event.id === id && (isMoving(event) ? setSession(null) : read()));
+  useLive('resync', () => id && read());
+  return session?.id === id ? session : null;
+}
+
 /** The result of the recording, and the next actions. */
 function Outcome({ recording: { phase, code, session, names, kept } }) {
+  const scored = useScored(phase === 'ended' || phase === 'shortened' ? session : null);
   const openLink = session && html`<a class="button main" href=${href(['sessions', session])}>${words.open}</a>`;
   const dismissButton = label => html`<button class="button" type="button" onClick=${discardRecording}>${label}</button>`;
   if (phase === 'nothing') return html`<${Notice} tone="warn" title=${words.nothing}>${words.nothingBody}<//>`;
   if (phase === 'ended')
-    return html`<${Notice} tone="good" title=${words.ended}>${names}
+    return html`<${Notice} tone="good" title=${scored ? words.scored : words.ended}>${names} ${scored && html`<${SessionOutcome} session=${scored} />`}
       <span class="row after">${openLink}${dismissButton(words.done)}</span><//>`;
   if (phase === 'shortened')
     return html`<${Notice} tone="bad" title=${words.shortened(fixed(Math.max(1, kept.seconds), 0))}>${words.shortenedBody}

@@ -1,9 +1,10 @@
 // The trainee, task and box of a recording: chosen on the page and kept in its address, so that a link can preset them.
-import { html } from '../../preact.js';
+import { html, useEffect } from '../../preact.js';
 import { api } from '../../api.js';
 import { useData } from '../../data.js';
 import { may } from '../../roles.js';
 import { href, replace } from '../../router.js';
+import { rememberTarget } from '../../shared_device.js';
 import { t } from '../../texts.js';
 import { Field } from '../forms/form.js';
 import { icons } from '../page/icons.js';
@@ -35,6 +36,8 @@ export function useRecordingTarget({ person, route }) {
   }, []);
   const chosen = Object.fromEntries(KINDS.map(kind => [kind, findItem(lists?.[kind], route.query.get(kind))]));
   const ofEach = what => Object.fromEntries(KINDS.map(kind => [kind, chosen[kind]?.[what]]));
+  const { box, task } = ofEach('id');
+  useEffect(() => rememberTarget({ box, task }), [box, task]);
   const isTargetComplete = KINDS.every(kind => chosen[kind]);
   const set = kind => event => replace(route.path, { ...ofEach('id'), [kind]: event.target.value });
   const namesOf = ids => {

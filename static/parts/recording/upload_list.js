@@ -58,13 +58,18 @@ const Item = ({ item, names, scoring, ended }) => html`
         <span class="small muted">${percent(item.size ? item.sent / item.size
           : 0)} · ${words.sent(bytes(item.sent), bytes(item.size))}${timeLeft(item)}</span>
       </div>`}
+    ${ended?.same_recording && html`<p class="wide small"><a href=${href(['sessions', ended.id])}>${
+      ended.same_recording.sessions.length ? t.background.atUpload : t.background.look}</a></p>`}
     ${item.duplicate && html`<p class="wide small muted">${words.duplicate}</p>`}
     ${item.problem && html`<div class="wide"><${ProblemNotice} problem=${item.problem} /></div>`}
     ${item.state === 'lost' ? html`<${ChooseFileAgain} item=${item} />` : html`<${Buttons} item=${item} />`}
   </li>`;
 
-const timeLeft = ({ state, rate, size, sent }) =>
-  state === 'sending' && rate > 0 ? ` · ${words.left(clock((size - sent) / rate, 0))}` : '';
+const timeLeft = ({ state, rate, size, sent, isStalled }) => {
+  if (state !== 'sending') return '';
+  if (isStalled) return ` · ${words.stalled}`;
+  return rate > 0 ? ` · ${words.left(clock((size - sent) / rate, 0))}` : '';
+};
 
 /** The file itself was refused: the service would refuse it again. */
 const isRefused = problem => [400, 413, 415, 422].includes(problem?.status);

@@ -3,6 +3,7 @@
 // file. tus-js-client implements the protocol.
 import { Upload } from '../../vendor/tus-js-client/tus.module.js';
 import { api, Problem } from '../../api.js';
+import { setSending } from '../../shared_device.js';
 
 const PREFIX = 'trocar.uploads.';
 /** The service deletes an unfinished upload after this time, ms; the list of a browser forgets it, too. */
@@ -31,6 +32,7 @@ export function setUploader(person) {
   owner = person;
   forgetOld();
   items = owner === null ? [] : restore();
+  setSending(false);
   watchers.forEach(callback => callback());
 }
 
@@ -128,6 +130,7 @@ function change(key, more) {
 
 function changed() {
   save();
+  setSending(items.some(({ state }) => state === 'sending' || state === 'waiting'));
   watchers.forEach(callback => callback());
 }
 
@@ -153,6 +156,7 @@ function send(item) {
     onUploadUrlAvailable: () => change(key, { url: upload.url }),
     onProgress: sent => {
       started.sent ??= sent;
+      waitForProgress(key, handle);
       const seconds = (performance.now() - started.at) / 1000;
       change(key, { sent, rate: seconds > 1 ? (sent - started.sent) / seconds : 0 });
     },
@@ -160,7 +164,7 @@ function send(item) {
       const session = answer.getHeader('Trocar-Session');
       if (session) change(key, { session, duplicate: answer.getHeader('Trocar-Duplicate') === 'true' });
     },
-    onShouldRetry: error => !isFinal(error.originalResponse?.getStatus() ?? 0),
+    onShouldRetry: error => stall(key) && !isFinal(error.originalResponse?.getStatus() ?? 0),
     onSuccess: () => finish(key, { state: 'done', sent: item.size }),
     onError: error =>
       finish(key, {
@@ -174,7 +178,24 @@ function send(item) {
   upload.start();
 }
 
+/** Without progress for this time, ms, the time left is not known: the network is gone or very slow. */
+const STALLED_MS = 3_000;
+
+function waitForProgress(key, handle) {
+  clearTimeout(handle.stalled);
+  handle.stalled = setTimeout(() => stall(key), STALLED_MS);
+  if (find(key)?.isStalled) change(key, { isStalled: false });
+}
+
+function stall(key) {
+  if (find(key)?.state === 'sending') change(key, { isStalled: true, rate: 0 });
+  return true;
+}
+
+addEventListener('offline', () => items.filter(({ state }) => state === 'sending').forEach(({ key }) => stall(key)));
+
 function finish(key, more) {
+  clearTimeout(running.get(key)?.stalled);
   change(key, more);
   next();
 }
@@ -190,7 +211,7 @@ function problemOf(error) {
 function save() {
   const kept = items
     .filter(item => item.state !== 'done' && (item.url || item.state !== 'failed'))
-    .map(({ problem, rate, ...item }) => item);
+    .map(({ problem, rate, isStalled, ...item }) => item);
   try {
     localStorage.setItem(PREFIX + owner, JSON.stringify({ at: Date.now(), kept }));
   } catch {

@@ -16,8 +16,10 @@
 //! then show the look of its tube.
 
 mod marker;
+mod sizes;
 
 pub use marker::{KNOWN_NEEDS, MarkerEntry};
+pub use sizes::ToolSize;
 
 use serde::{Deserialize, Serialize};
 
@@ -288,6 +290,31 @@ pub enum AnnotationsError {
     /// A tool without a diameter.
     #[error("tool `{0}` has no diameter: give tool_diameter_mm, or diameter_mm under tools")]
     NoDiameter(String),
+    /// A size that no instrument of a box trainer has.
+    #[error("tool `{tool}`: {what} is {value} mm; expected {min} to {max} mm, because {ground}")]
+    UnlikelySize {
+        /// The tool.
+        tool: String,
+        /// The size.
+        what: &'static str,
+        /// The value in the file, mm.
+        value: f64,
+        /// Smallest accepted value, mm.
+        min: f64,
+        /// Largest accepted value, mm.
+        max: f64,
+        /// Where the range comes from.
+        ground: &'static str,
+    },
+    /// A size of a tool that the file does not have.
+    #[error("tool `{0}` is not among the tools of these colours: mark it first")]
+    UnknownTool(String),
+    /// A tool whose new size is missing.
+    #[error("tool `{0}` has no new size: give the sizes of all tools")]
+    SizeMissing(String),
+    /// A size of a marker that the tool does not have.
+    #[error("tool `{0}` has another kind of marker: mark it again")]
+    OtherMarker(String),
     /// An impossible size.
     #[error("tool `{tool}`: {key} is {value} mm; expected more than 0 and at most {limit}")]
     InvalidSize {
@@ -332,8 +359,23 @@ impl AnnotationsFile {
     pub fn parse(text: &str) -> Result<Self, AnnotationsError> {
         marker::check_requirements(text)?;
         let file: Self = serde_json::from_str(text).map_err(|e| AnnotationsError::Syntax(e.to_string()))?;
-        file.marked_tools()?;
+        file.marked_tools()?.iter().try_for_each(sizes::check_possible)?;
         Ok(file)
+    }
+
+    /// The same tools and marks with other sizes. Each tool of the file has one new size, and keeps its colour, its side,
+    /// and its kind of marker: other samples belong to another colour or marker.
+    pub fn with_sizes(self, sizes: Vec<ToolSize>) -> Result<Self, AnnotationsError> {
+        let mut resized = Vec::with_capacity(sizes.len());
+        for tool in self.marked_tools()? {
+            resized.push(sizes::resized(tool, &sizes)?);
+        }
+        if let Some(unknown) = sizes.iter().find(|size| resized.iter().all(|tool| tool.name != size.tool)) {
+            return Err(AnnotationsError::UnknownTool(unknown.tool.clone()));
+        }
+        resized.iter().try_for_each(sizes::check_possible)?;
+        let tools = resized.into_iter().map(ToolEntry::from).collect();
+        Ok(Self { tool_diameter_mm: None, band_length_mm: None, tools, ..self })
     }
 
     /// The tools, in order of first appearance of their colours; tools of one colour in the order of `tools`.

@@ -242,28 +242,35 @@ impl fmt::Display for TapeProblem {
                 }
                 in_light(*light, f)
             }
-            TapeProblem::OddRectangle { share, at: RectanglePlace { frame, x, y } } => write!(
+            TapeProblem::OddRectangle { share, at: RectanglePlace { frame, .. } } => write!(
                 f,
-                "{} of its rectangle on frame {frame}, at ({x}, {y}), has another colour than its other rectangles; mark \
-                 only tape there",
-                percent(*share)
+                "{} of a mark on frame {} has another colour than its other marks: it also holds something beside the \
+                 tape; mark only tape there",
+                percent(*share),
+                frame + 1 // people count frames from 1
             ),
             TapeProblem::Taken { share, from, light } => {
                 write!(f, "{} of `{from}` is mistaken for it", percent(*share))?;
                 in_light(*light, f)
             }
             TapeProblem::Thin(Margin { margin_steps, nearest, .. }) if *margin_steps < MIN_SHOWN_STEPS => {
-                write!(f, "its colour overlaps with that of `{nearest}`")
+                write!(
+                    f,
+                    "its colour overlaps with that of `{nearest}`: a mark may also hold what lies around the tape, such as \
+                     the mat; mark inside its edges"
+                )
             }
             TapeProblem::Thin(Margin { margin_steps, spread_steps, nearest }) => write!(
                 f,
-                "a shift of {margin_steps:.1} of 255 steps turns it into `{nearest}`, and its own pixels spread over \
-                 {spread_steps:.1}",
+                "its colour hardly differs from `{nearest}` (by {margin_steps:.1} of 255 steps, while it varies by \
+                 {spread_steps:.1}): if a mark also holds what lies around the tape, such as the mat, mark inside its \
+                 edges; otherwise use a tape of another colour",
             ),
             TapeProblem::FalseRegion(FalseArea { frame, share, largest_of_band, .. }) => write!(
                 f,
-                "on frame {frame}, {:.2} % of the picture outside its band has its colour, the largest region \
+                "on frame {}, {:.2} % of the picture outside its band has its colour, the largest region \
                  {largest_of_band:.1} × the band",
+                frame + 1,
                 100.0 * share
             ),
         }
