@@ -94,7 +94,7 @@ impl PaletteStore<'_> {
     /// # Errors
     /// [`StoreError::Refused`] if the box has no colours, or if the sizes cannot be used.
     pub async fn resize(&self, scope: &Scope, of: BoxId, sizes: Vec<ToolSize>) -> StoreResult<PaletteRecord> {
-        let now = self.latest(scope, of).await?;
+        let now = self.in_use(scope, of).await?;
         let now =
             now.ok_or_else(|| StoreError::refused("the tools of this box are not marked yet: mark them first"))?;
         let unusable = |error: AnnotationsError| StoreError::refused(error.to_string());
@@ -107,9 +107,8 @@ impl PaletteStore<'_> {
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let latest: Option<PaletteRecord> =
-                    sqlx::query_as(SELECT_LATEST).bind_scope(&by).bind(of).fetch_optional(&mut *tx).await?;
-                if latest.is_none_or(|latest| latest.id != now.id) {
+                let in_use = sqlx::query_as::<_, PaletteRecord>(SELECT_IN_USE).bind_scope(&by).bind(of).bind(now_ms);
+                if in_use.fetch_optional(&mut *tx).await?.is_none_or(|in_use| in_use.id != now.id) {
                     return Err(StoreError::refused("the tools were marked again meanwhile: look at them first"));
                 }
                 let PaletteRecord { id: before, counts, samples, report, .. } = now;

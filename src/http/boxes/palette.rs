@@ -166,7 +166,7 @@ pub struct NewToolSizes {
 /// Correct the sizes of a box's tools
 ///
 /// Makes the next version of the colours, with the marks and samples of the one in use: nothing has to be marked again.
-/// New recordings are measured with these sizes. Earlier sessions keep their results until they are tracked again.
+/// New recordings are measured with these sizes. To track earlier ones again with them, date the new version back.
 #[utoipa::path(put, path = "/boxes/{id}/tool-sizes", tag = "boxes",
     params(("id" = String, Path, description = "id or code")), request_body = NewToolSizes,
     responses((status = OK, body = PaletteResponse)))]
@@ -177,12 +177,13 @@ pub async fn resize_tools(
     Json(new): Json<NewToolSizes>,
 ) -> HandlerResult<Json<PaletteResponse>> {
     let of = app.store.boxes().changeable(&by.scope, &key).await?;
-    let now = app.store.palettes().latest(&by.scope, of.id).await?;
+    let now = app.store.palettes().in_use(&by.scope, of.id).await?;
     if let Some(palette) = now {
         let checked = palette.annotations.with_sizes(new.tools.clone());
         checked.map_err(|error| ProblemResponse::invalid("tools", error))?;
     }
-    Ok(Json(app.store.palettes().resize(&by.scope, of.id, new.tools).await?.into()))
+    let made = app.store.palettes().resize(&by.scope, of.id, new.tools).await?;
+    Ok(Json(PaletteResponse::new(made, true)))
 }
 
 /// Reads a [`PaletteForm`].
