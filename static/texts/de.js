@@ -218,6 +218,7 @@ export default {
       'being-erased': ['Ihre Daten hier sind zur Löschung vorgemerkt', 'Solange können Sie sich nicht anmelden. Ist das ein Versehen, wenden Sie sich an Ihre Ausbilderin oder Ihren Ausbilder.'],
       'linked-elsewhere': ['Dieses Konto des Anbieters gehört zu einem anderen Konto hier', 'Die Administration kann jene Verknüpfung auf der Seite „Personen“ entfernen.'],
     },
+  },
   shared: {
     next: 'Nächste Person',
     busy: 'Erst muss die Aufnahme oder Übertragung zu Ende sein.',
@@ -2093,9 +2094,7 @@ export default {
     open: 'Bericht',
     print: 'Drucken',
     back: 'Zurück',
-    hint: 'Eine Seite A4. Für ein PDF wählen Sie „Als PDF speichern“ als Drucker.',
     hint: 'Eine Seite A4, mit vielen Kommentaren zwei. Für ein PDF wählen Sie „Als PDF speichern“ als Drucker.',
-    brand: 'Trocar',
     session: 'Sitzung',
     sessionOf: task => `Sitzungsbericht: ${task}`,
     traineeTitle: 'Bericht über Lernende',

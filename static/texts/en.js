@@ -92,6 +92,7 @@ export default {
       'being-erased': ['Your data here are waiting to be erased', 'You cannot sign in meanwhile. If that is a mistake, ask your instructor.'],
       'linked-elsewhere': ['This account of the provider belongs to another account here', 'An administrator can remove that link on the page People.'],
     },
+  },
   /** A device that several people use. */
   shared: {
     next: 'Next person',
@@ -1966,9 +1967,7 @@ export default {
     open: 'Report',
     print: 'Print',
     back: 'Back',
-    hint: 'One page of A4. For a PDF, choose “Save as PDF” as the printer.',
     hint: 'One page of A4, or two with many comments. For a PDF, choose “Save as PDF” as the printer.',
-    brand: 'Trocar',
     session: 'Session',
     sessionOf: task => `Session report: ${task}`,
     traineeTitle: 'Trainee report',
