@@ -23,10 +23,6 @@
       parts/session/moves.js parts/session/outcome_card.js parts/session/quality.js parts/session/ratings.js
       parts/session/review.js parts/session/setup_versions.js parts/session/skill.js parts/session/span_bar.js
       parts/session/verdict.js parts/tasks/hand_choice.js watch.js with_error.js`,
-      parts/session/edit_dialog.js parts/session/edits.js parts/session/evidence.js parts/session/features.js
-      parts/session/ghost.js parts/session/moves.js parts/session/outcome_card.js parts/session/quality.js
-      parts/session/ratings.js parts/session/review.js parts/session/setup_versions.js
-      parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js parts/tasks/hand_choice.js watch.js with_error.js`,
     trainee: `
       csv.js format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js
       parts/charts/progress_plot.js parts/courses/course_state.js parts/courses/own_courses.js
