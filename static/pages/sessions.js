@@ -14,7 +14,7 @@ import { Outcome } from '../parts/page/status.js';
 
 const words = t.sessions;
 const FILTERS = ['search', 'trainee', 'task', 'box', 'outcome', 'status', 'from', 'to'];
-/** In the order in which people look for them. */
+/** The most wanted first. */
 const OUTCOMES = ['passed', 'missed', 'undecided', 'done', 'usable_with_care', 'refused', 'failed', 'quarantined', 'box_asked', 'other_box', 'queued', 'tracking', 'receiving'];
 /** @type {('recorded' | 'arrival')[]} */
 const ORDERS = ['recorded', 'arrival'];

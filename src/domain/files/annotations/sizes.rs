@@ -27,7 +27,7 @@ pub struct ToolSize {
     pub marker: Option<MarkerEntry>,
 }
 
-/// Refuses a tool that no box trainer has: most likely a slip of the keyboard, by which all depths would be wrong.
+/// Refuses a tool that no box trainer has: most likely a slip of the keyboard, and all depths would be wrong.
 pub(super) fn check_possible(tool: &MarkedTool) -> Result<(), AnnotationsError> {
     let check = |what, value: f64, [min, max]: [f64; 2], ground| match (min..=max).contains(&value) {
         true => Ok(()),
