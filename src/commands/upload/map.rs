@@ -60,7 +60,7 @@ impl RecordingMap {
         let mut rows = Vec::new();
         for record in reader.records() {
             match record {
-                Ok(record) => match row_of(&head, &record) {
+                Ok(record) => match row_of(&head, &record, line_of(text, &record)) {
                     Ok(row) => rows.extend(row),
                     Err(why) => problems.push(why),
                 },
@@ -104,9 +104,16 @@ fn head_problems(head: &[String]) -> Vec<String> {
     problems
 }
 
+/// The line that a record begins on, from 1. The reader's own count is one too small after an end of line of two characters.
+fn line_of(text: &str, record: &csv::StringRecord) -> u64 {
+    let begins = record.position().map_or(0, |position| position.byte()) as usize;
+    let (before, rest) = text.as_bytes().split_at(begins.min(text.len()));
+    let skipped = rest.iter().take_while(|byte| b"\r\n".contains(byte));
+    1 + before.iter().chain(skipped).filter(|byte| **byte == b'\n').count() as u64
+}
+
 /// A row of the table; `None` for an empty line.
-fn row_of(head: &[String], record: &csv::StringRecord) -> Result<Option<MapRow>, String> {
-    let line = record.position().map_or(0, csv::Position::line);
+fn row_of(head: &[String], record: &csv::StringRecord, line: u64) -> Result<Option<MapRow>, String> {
     if record.iter().all(str::is_empty) {
         return Ok(None);
     }
