@@ -160,7 +160,8 @@ impl TestCentre {
         self.practised_as(trainee, recorded_at_ms, features, serde_json::json!({ "frames": 300 })).await
     }
 
-    /// Like [`TestCentre::practised`], with this quality document. The result's tools are those of the features.
+    /// Like [`TestCentre::practised`], with this quality document. The result's tools are those of the features, if they
+    /// have any.
     pub async fn practised_as(
         &self,
         trainee: TraineeId,
@@ -174,7 +175,9 @@ impl TestCentre {
         let lease = self.claim().await.unwrap();
         let mut tools: Vec<String> = features.iter().filter_map(|row| row.tool.clone()).collect();
         tools.dedup();
-        let result = NewResult { features, quality, tools, ..self.result(session.id).await };
+        let usual = self.result(session.id).await;
+        let tools = if tools.is_empty() { usual.tools.clone() } else { tools };
+        let result = NewResult { features, quality, tools, ..usual };
         self.store.jobs().finish_track(&lease, result).await.unwrap();
         session
     }
