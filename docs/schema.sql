@@ -693,6 +693,7 @@ CREATE INDEX result_preview ON result (preview);
 CREATE INDEX result_trajectory ON result (trajectory);
 
 CREATE INDEX result_trocar_middle ON result (calibration_id) WHERE trocar_middle_mm IS NOT NULL;
+
 CREATE INDEX score_formula_person ON score_formula (person_id);
 
 CREATE INDEX self_test_box ON self_test (box_id, id);
@@ -950,6 +951,13 @@ CREATE VIEW session_record AS
     LEFT JOIN blob ON blob.hash = session.video
     LEFT JOIN tracking_job AS job ON job.session_id = session.id;
 
+CREATE VIEW session_time AS
+    SELECT session.id AS session_id, session.box_id,
+           coalesce((SELECT feed.created_at_ms FROM feed
+                     WHERE feed.session_id = session.id AND abs(feed.created_at_ms - session.recorded_at_ms) <= 600000),
+                    session.recorded_at_ms) AS made_at_ms
+    FROM session;
+
 CREATE VIEW set_aside_session (session_id) AS
     SELECT session_id FROM session_edit WHERE kind = 'set_aside' AND undone_at_ms IS NULL;
 
@@ -1019,22 +1027,22 @@ CREATE VIEW uncounted_session (session_id) AS
     SELECT session.id FROM pending_erasure JOIN session ON session.trainee_id = pending_erasure.trainee_id;
 
 CREATE VIEW valid_setup AS
-    SELECT session.id AS session_id,
+    SELECT made.session_id, made.made_at_ms,
            coalesce((SELECT calibration.id FROM calibration
-                     WHERE calibration.box_id = session.box_id
-                       AND coalesce(calibration.valid_from_ms, calibration.created_at_ms) <= session.recorded_at_ms
+                     WHERE calibration.box_id = made.box_id
+                       AND coalesce(calibration.valid_from_ms, calibration.created_at_ms) <= made.made_at_ms
                      ORDER BY coalesce(calibration.valid_from_ms, calibration.created_at_ms) DESC, calibration.version DESC LIMIT 1),
-                    (SELECT calibration.id FROM calibration WHERE calibration.box_id = session.box_id
+                    (SELECT calibration.id FROM calibration WHERE calibration.box_id = made.box_id
                      ORDER BY coalesce(calibration.valid_from_ms, calibration.created_at_ms), calibration.version DESC LIMIT 1))
                AS calibration_id,
            coalesce((SELECT palette.id FROM palette
-                     WHERE palette.box_id = session.box_id
-                       AND coalesce(palette.valid_from_ms, palette.created_at_ms) <= session.recorded_at_ms
+                     WHERE palette.box_id = made.box_id
+                       AND coalesce(palette.valid_from_ms, palette.created_at_ms) <= made.made_at_ms
                      ORDER BY coalesce(palette.valid_from_ms, palette.created_at_ms) DESC, palette.version DESC LIMIT 1),
-                    (SELECT palette.id FROM palette WHERE palette.box_id = session.box_id
+                    (SELECT palette.id FROM palette WHERE palette.box_id = made.box_id
                      ORDER BY coalesce(palette.valid_from_ms, palette.created_at_ms), palette.version DESC LIMIT 1))
                AS palette_id
-    FROM session;
+    FROM session_time AS made;
 
 CREATE VIEW visible_job (role, subject, job_id) AS
     SELECT 'administrator', CAST(NULL AS TEXT), id FROM job

@@ -3207,7 +3207,6 @@ export default {
       'bad-request': ['Die Anfrage lässt sich nicht lesen'],
       'not-signed-in': ['Melden Sie sich zuerst an', 'Nach einer Weile ohne Aktivität werden Sie abgemeldet. Gespeichertes bleibt erhalten.'],
       'wrong-credentials': ['Anmeldename oder Passwort ist falsch', 'Prüfen Sie beides; die Administration kann Ihnen einen Link für ein neues Passwort schicken.'],
-      forbidden: ['Sie dürfen das nicht'],
       'single-sign-on': ['Die Anmeldung über den Anbieter hat nicht funktioniert'],
       forbidden: ['Sie dürfen das nicht', ({ detail }) => FORBIDDEN_TO[detail?.match(/ is for (.+) only\. Ask one of them\.$/)?.[1]] ?? 'Ihre Rolle oder Ihre Gruppen erlauben es nicht. Fragen Sie die Administration.'],
       'password-change-required': ['Wählen Sie zuerst ein eigenes Passwort', 'Laden Sie die Seite neu. Dort können Sie es wählen.'],
