@@ -79,7 +79,10 @@ fn json_problem(error: serde_json::Error, field: &str) -> ProblemResponse {
             let reason = text.strip_suffix(&place).unwrap_or(&text);
             match field.contains(char::is_alphanumeric) {
                 true => Refusal::Invalid.with(format!("{reason}.")).of_field(field),
-                false => Refusal::Invalid.with(format!("{reason}.")).of_field(BODY).member("documentation", "/docs"),
+                false => {
+                    let problem = Refusal::Invalid.with(format!("The body does not fit this request: {reason}."));
+                    problem.of_field(BODY).member("documentation", "/docs")
+                }
             }
         }
         Category::Io | Category::Syntax | Category::Eof => {

@@ -3198,7 +3198,7 @@ export default {
       [/is required for the role trainee/, () => 'Wählen Sie für diese Rolle aus, wer die Person ist; bei anderen Rollen bleibt das Feld leer.'],
       [/is an empty file|is empty; send/, () => 'Diese Datei ist leer.'],
       [/is not UTF-8 text/, () => 'Diese Datei ist keine Textdatei (UTF-8).'],
-      [/^missing field|is missing/, () => 'Diese Angabe fehlt.'],
+      [/missing field|is missing/, () => 'Diese Angabe fehlt.'],
       [/expected one of|unknown variant/, () => 'Dieser Wert steht nicht zur Wahl.'],
       [/invalid type|invalid value/, () => 'Dieser Wert hat nicht die erwartete Form.'],
     ],

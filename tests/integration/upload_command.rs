@@ -240,7 +240,7 @@ async fn deliver(count: u32, kills: u32) {
     let last = old.run(&["--send"]);
     assert!(last.status.success(), "{}{}", text(&last.stdout), text(&last.stderr));
     let sessions = old.sessions().await;
-    println!(
+    eprintln!(
         "{kills} kills; {before} of {count} recordings were there before the last run, {} after it",
         sessions.len()
     );

@@ -29,7 +29,7 @@ const QUERIES: [(&str, &str); 7] = [
 ];
 
 /// Routes that are not compared, and why: most belong to the running process, or to the time after the backup.
-const NOT_COMPARED: [(&str, &str); 11] = [
+const NOT_COMPARED: [(&str, &str); 13] = [
     ("/metrics", "counters of the process"),
     ("/api/v1/service", "its disk, its settings and its backups"),
     ("/api/v1/audit", "entries since the backup are lost with the old disk"),
@@ -40,6 +40,8 @@ const NOT_COMPARED: [(&str, &str); 11] = [
     ("/api/v1/boxes/{id}/feed", "a WebSocket"),
     ("/api/v1/sessions/{id}/live", "a WebSocket"),
     ("/api/v1/me/sign-ins", "signed-in browsers are left out of backups"),
+    ("/api/v1/centre/logo", "the old data have no logo"),
+    ("/api/v1/feedback", "only trainees have feedback"),
     ("/api/v1/tasks/{id}/models/{version}", "the old data have too few people for a model"),
 ];
 

@@ -151,19 +151,20 @@ async fn check_hands_and_versions(centre: &Centre, planter: &Planter, short: Val
     let mut raw = SqliteConnection::connect(database.to_str().unwrap()).await.unwrap();
     sqlx::query(HANDS_OF_SOME).execute(&mut raw).await.unwrap();
     let check = async || check_outcomes(&centre.instructor, &all_of(&centre.instructor, LIST).await).await;
-    for hand in [Hand::Left, Hand::Right, Hand::Dominant, Hand::Other] {
-        planter
-            .standard(|standard| {
-                standard.targets.retain(|target| target.of.feature.name == "path_length");
-                for target in &mut standard.targets {
-                    target.of.in_hand = Some(hand);
-                    target.of.tool = None;
-                }
-            })
-            .await;
-        for preferred in [Value::Null, json!("left"), json!("right")] {
-            let changed = centre.administrator.patch("/api/v1/trainees/ada", json!({"handedness": preferred})).await;
-            assert!(changed.status().is_success(), "{preferred}");
+    // A preferred hand cannot be taken back, so the sessions without one come first.
+    for preferred in [Value::Null, json!("left"), json!("right")] {
+        let changed = centre.administrator.patch("/api/v1/trainees/ada", json!({"handedness": preferred})).await;
+        assert!(changed.status().is_success(), "{preferred}");
+        for hand in [Hand::Left, Hand::Right, Hand::Dominant, Hand::Other] {
+            planter
+                .standard(|standard| {
+                    standard.targets.retain(|target| target.of.feature.name == "path_length");
+                    for target in &mut standard.targets {
+                        target.of.in_hand = Some(hand);
+                        target.of.tool = None;
+                    }
+                })
+                .await;
             let found = check().await;
             let is_known = !preferred.is_null() || matches!(hand, Hand::Left | Hand::Right);
             assert_eq!(found["passed"] + found["missed"] > 0, is_known, "{hand} {preferred}: {found:?}");
