@@ -30,7 +30,7 @@ export const Facts = ({ rows }) => html`
     <div key=${name}><dt>${name}</dt><dd>${value}</dd></div>`)}</dl>`;
 
 /**
- * A short reference to a thing with an id: its last digits, by which the page of the thing can be recognised.
+ * A short reference to a thing with an id: its last digits, which are enough to recognise its page.
  *
  * @param {string | null | undefined} id
  */
