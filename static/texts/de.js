@@ -1405,7 +1405,7 @@ export default {
     marks: 'Fehler auf diesem Bogen',
     noMoment: 'ohne Zeit',
     timeByHand: 'Zeit von Hand, s',
-    untyped: names => `Nicht eingegeben: ${list(names)}. Das gilt als unbekannt, nicht als null.`,
+    untyped: names => `Nicht eingegeben: ${list(names)}. Das gilt als unbekannt, nicht als 0.`,
     finish: n => (n ? `Mit ${plural(n, 'Fehler', 'Fehlern')} abschließen` : 'Abschließen: keine Fehler gesehen'),
     finished: 'Ihr Bogen ist abgeschlossen und zählt.',
     discard: 'Verwerfen',

@@ -27,7 +27,7 @@ const SAME_IN_BOTH = new Set([
   'rescoring.orderOf', 'rescoring.was', 'groups.state', 'groups.name', 'groups.noStandard', 'enrol.columns.name',
   'cohorts.name', 'courses.of', 'balance.of', 'certificate.standard', 'background.other', 'form.optional', 'units.none', 'watch.because',
   'standardForm.presetOf', 'today.announce', 'upload.announce', 'target.forWhom', 'record.keptHere', 'selfTest.partLight',
-  'selfTest.dayLight', 'trainee.point', 'feedback.on', 'trainee.judgements.plain',
+  'errors.icc', 'errors.name', 'box.versions.version', 'selfTest.dayLight', 'trainee.point', 'feedback.on', 'trainee.judgements.plain',
 ]);
 /** Lists whose length may differ between the languages. */
 const OF_ANY_LENGTH = ['enrol.headers.'];
@@ -41,6 +41,7 @@ const ARGUMENTS = {
   'record.unheld': [['exposureMode', 'whiteBalanceMode']],
   'session.comments.deleteThis': ['a comment'],
   'session.comments.withdrawThis': ['a comment'],
+  'errors.untyped': [['Deviation from the line']],
   'feedback.by': [['Ines', 'Omar']],
   'session.rateOf': [0.5],
   'session.edits.does.swap': ['0:01–0:02', ['red', 'blue']],

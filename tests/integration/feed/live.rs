@@ -225,7 +225,7 @@ async fn a_box_that_is_not_ready_is_not_tracked_live_and_says_why() {
             break why.to_owned();
         }
     };
-    assert!(why.contains("calibrated"), "{why}");
+    assert!(why.contains("Measure its camera first"), "{why}");
     sender.send_frames(0..3).await;
     drop(sender);
     watcher.next_of_type("waiting").await;
