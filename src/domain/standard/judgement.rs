@@ -1,7 +1,7 @@
 //! Judging values and sessions against targets.
 
 use super::{StandardDefinition, Target};
-use crate::domain::feature::{FeatureKey, StoredFeatureKey};
+use crate::domain::feature::StoredFeatureKey;
 use crate::domain::named;
 use crate::domain::session::FeatureRow;
 use crate::domain::trainee::Handedness;
@@ -90,9 +90,9 @@ impl StandardDefinition {
         TrialOutcome::of_all(&self.targets.iter().map(judged).collect::<Vec<_>>()).into()
     }
 
-    /// The same from the judgement of each feature; `None` for one that was not judged.
-    pub fn judge_all(&self, of: impl Fn(&FeatureKey) -> Option<Judgement>) -> SessionJudgement {
-        let judged = |target: &Target| of(&target.of).unwrap_or(Judgement::NotMeasured).into();
+    /// The same from the judgement by each target.
+    pub fn judge_all(&self, by: impl Fn(&Target) -> Judgement) -> SessionJudgement {
+        let judged = |target: &Target| by(target).into();
         TrialOutcome::of_all(&self.targets.iter().map(judged).collect::<Vec<_>>()).into()
     }
 }
@@ -145,6 +145,7 @@ impl From<Judgement> for standard::TargetJudgement {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::feature::FeatureKey;
     use crate::domain::session::FeatureSpace;
     use crate::domain::standard::MadeFrom;
     use crate::motion::features::Direction;

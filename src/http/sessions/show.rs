@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::domain::feature::{ComparisonSpace, FeatureKey, StoredFeatureKey};
+use crate::domain::feature::{ComparisonSpace, StoredFeatureKey};
 use crate::domain::feed::arrival::Arrival;
 use crate::domain::feed::early_end::EarlyEnd;
 use crate::domain::files::quality::QualityDocument;
@@ -15,7 +15,7 @@ use crate::domain::session::{
     Supervision, Versions,
 };
 use crate::domain::skill::SkillVerdict;
-use crate::domain::standard::{Better, Judgement, SessionJudgement, StandardDefinition, ValueToJudge};
+use crate::domain::standard::{Better, Judgement, SessionJudgement, StandardDefinition, Target, ValueToJudge};
 use crate::domain::text::TrackerName;
 use crate::domain::trainee::Handedness;
 use crate::http::error::ProblemDocument;
@@ -403,11 +403,14 @@ impl SessionResponse {
                 feature.judge(standard, &definition, &versions.pipeline, handedness);
             }
             self.unknown_hand = standard.definition.has_unknown_hand(&self.hands, handedness);
-            let of_feature = |key: &FeatureKey| {
-                self.features.iter().find(|feature| feature.key() == *key).and_then(|feature| feature.judgement)
+            let by_target = |target: &Target| {
+                let feature = self.features.iter().find(|feature| feature.key() == target.of);
+                feature.map_or(Judgement::NotMeasured, |feature| {
+                    feature.judgement_by(target, &versions.pipeline, handedness)
+                })
             };
             let is_refused = self.quality.as_ref().is_some_and(|quality| quality["verdict"] == "refused");
-            self.judgement = (!self.set_aside && !is_refused).then(|| definition.judge_all(of_feature));
+            self.judgement = (!self.set_aside && !is_refused).then(|| definition.judge_all(by_target));
         }
         self
     }
@@ -478,7 +481,15 @@ impl FeatureResponse {
         StoredFeatureKey { feature: self.name.clone(), tool: self.tool.clone(), space: self.space }
     }
 
-    /// Judges the value by its target in `definition`, which is the standard with the session's tools for its hands.
+    /// The judgement of the value by a target.
+    fn judgement_by(&self, target: &Target, pipeline: &str, handedness: Option<Handedness>) -> Judgement {
+        let bar = self.error.map(|error| [error.low, error.high]);
+        let (value, is_lower_bound) = (self.value, self.is_lower_bound);
+        target.judge(ValueToJudge { value, bar, is_lower_bound, pipeline, handedness })
+    }
+
+    /// Judges the value by its target in `definition`, which is the standard with the session's tools for its hands. Of
+    /// several, such as one for the left and one for the dominant hand, the one is shown that was missed.
     fn judge(
         &mut self,
         standard: &store::StandardRecord,
@@ -488,10 +499,16 @@ impl FeatureResponse {
     ) {
         let key = self.key();
         let targets = definition.targets.iter().zip(&standard.definition.targets);
-        let Some((target, stated)) = targets.into_iter().find(|(target, _)| key == target.of) else { return };
-        let bar = self.error.map(|error| [error.low, error.high]);
-        let (value, is_lower_bound) = (self.value, self.is_lower_bound);
-        let judgement = target.judge(ValueToJudge { value, bar, is_lower_bound, pipeline, handedness });
+        let judged = targets.filter(|(target, _)| key == target.of).map(|(target, stated)| {
+            let judgement = self.judgement_by(target, pipeline, handedness);
+            let rank = match judgement {
+                Judgement::Fail => 0,
+                Judgement::Pass => 2,
+                _ => 1,
+            };
+            (rank, judgement, target, stated)
+        });
+        let Some((_, judgement, target, stated)) = judged.min_by_key(|(rank, ..)| *rank) else { return };
         // The whole bar lies on one side of the limit: the value says what the standard asks.
         if matches!(judgement, Judgement::Pass | Judgement::Fail) && self.informative.is_some() {
             (self.informative, self.too_uncertain) = (Some(true), None);

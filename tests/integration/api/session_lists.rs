@@ -170,6 +170,17 @@ async fn check_hands_and_versions(centre: &Centre, planter: &Planter, short: Val
             assert_eq!(found["passed"] + found["missed"] > 0, is_known, "{hand} {preferred}: {found:?}");
         }
     }
+    // Two limits for the tool in one hand: ada prefers the right one now.
+    planter
+        .standard(|standard| {
+            let mut stricter = standard.targets[0].clone();
+            stricter.limit *= 0.5;
+            (standard.targets[0].of.in_hand, stricter.of.in_hand) = (Some(Hand::Right), Some(Hand::Dominant));
+            standard.targets.push(stricter);
+        })
+        .await;
+    check().await;
+    planter.standard(|standard| drop(standard.targets.pop())).await;
     for handedness in [None, Some(Handedness::Left)] {
         planter
             .standard(|standard| {
