@@ -404,7 +404,7 @@ test('an instructor without recordings is led through the first steps, hides the
   await own.locator('.figures').waitFor();
   await own.locator('.head').getByRole('link', { name: 'First steps' }).click();
   await own.locator('.guide-steps').waitFor();
-  assert.deepEqual(instructor.pageFaults, []);
+  assert.deepEqual(instructor.pageFaults().errors, []);
   await own.context().close();
 });
 

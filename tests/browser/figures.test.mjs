@@ -130,7 +130,7 @@ const featureCells = () =>
  * newest counted session. It is also empty if the same reason withholds every place: the page then shows that reason
  * once.
  */
-async function placesOf({ id, trainee, task, features, compare_in: compared }) {
+async function placesOf({ id, trainee, task, features, hands, compare_in: compared }) {
   const [cohort] = await getAll('cohorts');
   const places = new Map();
   const reasons = new Set();
@@ -138,7 +138,8 @@ async function placesOf({ id, trainee, task, features, compare_in: compared }) {
   for (const [feature, of] of new Map(measured.map(one => [one.name, one.space]))) {
     const data = await getJson(`trainees/${trainee.id}/progress?task=${task.id}&feature=${feature}&space=${of}&cohort=${cohort.code}`);
     if (data.sessions.filter(one => !one.set_aside).at(-1)?.id !== id) return places;
-    for (const { tool, place, no_place: withheld } of data.features) {
+    for (const { tool: named, in_hand: hand, place, no_place: withheld } of data.features) {
+      const tool = hand ? hands[hand] : named;
       const { value, low, high } = place?.better_than ?? place?.percentile ?? {};
       const said = place && `${place.better_than ? 'better than' : 'above'} ${Math.round(value)} % (${Math.round(low)} – ${Math.round(high)} %)`;
       reasons.add(place ? null : withheld.detail);
@@ -306,12 +307,13 @@ async function figuresOfGroups() {
 
 async function figuresOfGroup() {
   const data = await getJson(`groups/${session.group}/progress?task=${session.task.id}`);
-  const rows = new Map((await cells(page.locator('.group-table'))).map(row => [row[0], row]));
+  const rows = await cells(page.locator('.group-table'));
+  const rowOf = name => rows.find(([first]) => first.startsWith(name)); // Below the name is what a narrow page shows there.
   return data.rows.flatMap(row => {
     const name = data.trainees.find(one => one.id === row.trainee).name;
     const newest = row.points.at(-1);
     const value = !newest ? '–' : newest.low === null ? `${atLeast(newest)}${threeDigits(newest.value)}` : withError(newest.value, newest).join(' ± ');
-    return [[`${name}, value`, rows.get(name)?.[2], value], [`${name}, sessions`, rows.get(name)?.[5], String(row.sessions)]];
+    return [[`${name}, value`, rowOf(name)?.[2], value], [`${name}, sessions`, rowOf(name)?.[5], String(row.sessions)]];
   });
 }
 
@@ -443,7 +445,7 @@ async function figuresOfCertificate() {
     ...standard.targets.map(({ limit }, i) => [`target ${i}`, figuresIn(targets[i].split(':').at(-1))[0], threeDigits(limit)]),
     ['sessions', rows.map(row => row.slice(0, 2).join(' ')).join('; '),
       sessions.filter(one => passed.sessions.includes(one.number)).map(one => `${one.number} ${day(one.recorded_at)}`).join('; ')],
-    ['pipeline', made.Program, pipeline], ['trainee', made.Trainee, trainee.id], ['task', made.Task, task.id],
+    ['pipeline', made.Program, pipeline], ['trainee', made.Trainee, trainee.code], ['task', made.Task, task.code],
   ];
 }
 
@@ -495,7 +497,7 @@ async function figuresOfOwnToday() {
  */
 const pages = () => ({
   today: ['/', figuresOfToday, '**/api/v1/sessions?status=failed*', data => data.items.push(...[0, 1].map(n => ({ id: `none-${n}`, status: 'failed' })))],
-  sessions: ['/sessions', figuresOfSessions, '**/api/v1/sessions?limit=50', data => (data.items.find(one => one.video.duration_s).video.duration_s += 1)],
+  sessions: ['/sessions', figuresOfSessions, '**/api/v1/sessions?*order=recorded*', data => (data.items.find(one => one.video.duration_s).video.duration_s += 1)],
   session: [`/sessions/${session.id}`, figuresOfSession, `**/api/v1/sessions/${session.id}`, data => (featuresIn(data, data.compare_in?.space ?? '3d').find(one => one.value).value *= 1.01)],
   'session’s report': [`/sessions/${session.id}/report`, figuresOfSessionReport, `**/api/v1/sessions/${session.id}`,
     data => data.features.filter(one => one.value).forEach(one => (one.value *= 1.01))],
