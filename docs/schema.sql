@@ -969,11 +969,11 @@ CREATE VIEW standard_record AS
 CREATE VIEW tool_hand AS
     SELECT placed.id AS result_id,
            CASE WHEN placed.by_both IS NOT NULL THEN placed.by_both ->> '$[0]'
-                WHEN placed.offset_mm * placed.offset_mm > 9 * placed.variance_mm2
+                WHEN placed.offset_mm * placed.offset_mm > 9 * (placed.variance_mm2 + 64)
                 THEN iif(placed.offset_mm < 0, placed.known_tool, placed.other_tool)
                 ELSE placed.stated_left END AS left_tool,
            CASE WHEN placed.by_both IS NOT NULL THEN placed.by_both ->> '$[1]'
-                WHEN placed.offset_mm * placed.offset_mm > 9 * placed.variance_mm2
+                WHEN placed.offset_mm * placed.offset_mm > 9 * (placed.variance_mm2 + 64)
                 THEN iif(placed.offset_mm < 0, placed.other_tool, placed.known_tool)
                 ELSE placed.stated_right END AS right_tool,
            placed.by_both ->> '$[2]' AS trocar_middle_mm
@@ -994,6 +994,8 @@ CREATE VIEW tool_hand AS
                 (alone.trocar ->> '$[1]')
                 - (SELECT seen.trocar_middle_mm FROM result AS seen
                    WHERE seen.calibration_id = result.calibration_id AND seen.trocar_middle_mm IS NOT NULL
+                     AND seen.quality ->> '$.verdict' IS NOT 'refused'
+                     AND NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = seen.session_id)
                    ORDER BY seen.rowid DESC LIMIT 1) AS offset_mm,
                 (SELECT iif(count(*) = 1, min(tool.value ->> '$.name'), NULL) FROM palette, json_each(palette.tools) AS tool
                  WHERE palette.id = result.palette_id AND tool.value ->> '$.side' = 'left'

@@ -69,7 +69,11 @@ impl Cohorts {
         let now_ms = self.clock.now_ms();
         let records = self.store.standards().of_tasks(scope, &[task]).await?;
         let valid_from_ms = StandardStart::or_usual(start, !records.is_empty()).valid_from_ms(now_ms);
-        let with_new = with_version(&records, task, definition, (now_ms, valid_from_ms));
+        let is_in_use = |newest: &StandardRecord| newest.is_same(&definition, start, (now_ms, valid_from_ms));
+        let with_new = match records.iter().max_by_key(|record| record.version) {
+            Some(newest) if is_in_use(newest) => records.clone(),
+            _ => with_version(&records, task, definition, (now_ms, valid_from_ms)),
+        };
         let known = self.cache.clone();
         let both = move || [records, with_new].map(|versions| TaskStandards::of(versions, &known, now_ms));
         let [before, after] = self.calculate(both).await?;

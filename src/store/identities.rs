@@ -12,7 +12,7 @@ use super::audit::note;
 use super::columns::Insert;
 use super::cookies::{DELETE_COOKIES_OF, NewSignIn, insert_cookie};
 use super::error::{StoreError, StoreResult, not_found, taken};
-use super::password_links::DELETE_LINKS_MADE_BY;
+use super::password_links::{DELETE_LINK_OF, DELETE_LINKS_MADE_BY};
 use super::people::{COUNT_ADMINISTRATORS, PersonRecord, read_person};
 use super::tokens::withdraw_tokens;
 use super::trainees::{SELECT_CODE, TraineeRecord, insert as insert_trainee};
@@ -319,8 +319,12 @@ async fn admit(
         }
         Some(_) => IdentityRefusal::RoleChanged,
     };
+    if found.follows_groups && is_last_administrator(tx, &person).await? {
+        return Ok(Ok((person, found.id)));
+    }
     if found.follows_groups {
         sqlx::query(DELETE_COOKIES_OF).bind(person.id).execute(&mut *tx).await?;
+        sqlx::query(DELETE_LINK_OF).bind(person.id).execute(&mut *tx).await?;
         sqlx::query(DELETE_LINKS_MADE_BY).bind(person.id).execute(&mut *tx).await?;
         withdraw_tokens(tx, (&scope, now_ms), person.id, None).await?;
     }
@@ -336,10 +340,7 @@ async fn change_role(
     role: Role,
     (scope, now_ms): (&Scope, i64),
 ) -> StoreResult<PersonRecord> {
-    let administrators: i64 = sqlx::query_scalar(COUNT_ADMINISTRATORS).fetch_one(&mut *tx).await?;
-    if person.role == Role::Administrator && administrators == 1 {
-        let person_id = person.id;
-        tracing::warn!(%person_id, "last administrator keeps the role; the groups at the provider give another");
+    if is_last_administrator(tx, &person).await? {
         return Ok(person);
     }
     sqlx::query(UPDATE_ROLE).bind(person.id).bind(role).execute(&mut *tx).await?;
@@ -350,6 +351,16 @@ async fn change_role(
     }
     note(tx, scope, now_ms, ("change role", "person"), person.id).await?;
     Ok(PersonRecord { role, ..person })
+}
+
+/// True for the only administrator, who keeps the role and the access without the groups at the provider.
+async fn is_last_administrator(tx: &mut SqliteConnection, person: &PersonRecord) -> StoreResult<bool> {
+    let administrators: i64 = sqlx::query_scalar(COUNT_ADMINISTRATORS).fetch_one(&mut *tx).await?;
+    let is_last = person.role == Role::Administrator && administrators == 1;
+    if is_last {
+        tracing::warn!(person = %person.id, "last administrator keeps the role; the groups at the provider do not give it");
+    }
+    Ok(is_last)
 }
 
 /// Makes an account, and for a trainee the trainee, for this identity.

@@ -198,8 +198,10 @@ pub(super) async fn is_taken(tx: &mut SqliteConnection, login: &Login) -> StoreR
     Ok(found.is_some())
 }
 
+const SELECT_HAS_IDENTITY: &str = "SELECT EXISTS (SELECT 1 FROM identity WHERE person_id = $1)";
+
 /// Makes the account of a trainee if it is missing, and a link for its password. `None`: the trainee has chosen a
-/// password, and the terms leave such trainees out. The caller has checked that the trainee is in the scope.
+/// password or signs in with the provider of single sign-on, and the terms leave such trainees out. The caller has checked that the trainee is in the scope.
 pub(super) async fn invite(
     tx: &mut SqliteConnection,
     (scope, now_ms): (&Scope, i64),
@@ -216,11 +218,12 @@ pub(super) async fn invite(
     if person.role != Role::Trainee {
         return Err(StoreError::NotFound { what: "trainee" }); // the schema's CHECK allows no other role
     }
-    let has_password = person.password_state != PasswordState::Missing;
-    if has_password && !terms.also_with_password {
+    let has_identity: bool = sqlx::query_scalar(SELECT_HAS_IDENTITY).bind(person.id).fetch_one(&mut *tx).await?;
+    let can_sign_in = person.password_state != PasswordState::Missing || has_identity;
+    if can_sign_in && !terms.also_with_password {
         return Ok(None);
     }
-    let lifetime = if has_password { terms.replacement } else { terms.first };
+    let lifetime = if can_sign_in { terms.replacement } else { terms.first };
     let link = insert_link(tx, (scope, now_ms), person.id, secret, lifetime).await?;
     Ok(Some((person, link)))
 }

@@ -344,8 +344,11 @@ impl PersonStore<'_> {
     }
 }
 
-/// Sets a password, and ends what could be used with the old one: sign-ins, the link for a password, and tokens unless
-/// they are to be kept. With `verified`, only if that is still the hash of the password. `by`: the caller and the time,
+/// The links to accounts at the provider that were made while signed in: a stranger at an open browser may have made one.
+const DELETE_OWN_IDENTITIES: &str = "DELETE FROM identity WHERE person_id = $1 AND follows_groups = 0";
+
+/// Sets a password, and ends what could be used with the old one: sign-ins, the link for a password, links to accounts
+/// at the provider of single sign-on, and tokens unless they are to be kept. With `verified`, only if that is still the hash of the password. `by`: the caller and the time,
 /// epoch ms, for the audit trail.
 pub(super) async fn replace_password(
     tx: &mut sqlx::SqliteConnection,
@@ -361,6 +364,7 @@ pub(super) async fn replace_password(
     }
     sqlx::query(DELETE_COOKIES_OF).bind(id).execute(&mut *tx).await?;
     sqlx::query(DELETE_LINK_OF).bind(id).execute(&mut *tx).await?;
+    sqlx::query(DELETE_OWN_IDENTITIES).bind(id).execute(&mut *tx).await?;
     if keep_tokens { Ok(()) } else { withdraw_tokens(tx, by, id, None).await }
 }
 

@@ -38,6 +38,20 @@ pub struct StandardRecord {
 }
 
 impl StandardRecord {
+    /// True if setting this definition now would add nothing to this version, the newest of its task.
+    pub fn is_same(
+        &self,
+        definition: &StandardDefinition,
+        start: Option<StandardStart>,
+        (now_ms, valid_from_ms): (i64, i64),
+    ) -> bool {
+        let is_valid_since = match start {
+            None | Some(StandardStart::Now) => self.valid_from_ms <= now_ms,
+            Some(_) => self.valid_from_ms == valid_from_ms,
+        };
+        self.definition == *definition && is_valid_since
+    }
+
     /// Of a task's versions the one that judges a recording that arrived at this time, epoch ms.
     pub fn valid_at(versions: &[Self], arrived_ms: i64) -> Option<&Self> {
         versions.iter().filter(|version| version.valid_from_ms <= arrived_ms).max_by_key(|version| version.version)
@@ -79,13 +93,7 @@ impl StandardStore<'_> {
         let newest = self.newest(scope, of).await?;
         let (by, now_ms, id) = (scope.clone(), self.0.now_ms(), StandardId::at(self.0.now_ms()));
         let valid_from_ms = StandardStart::or_usual(start, newest.is_some()).valid_from_ms(now_ms);
-        let is_same = |newest: &StandardRecord| {
-            let is_valid_since = match start {
-                None | Some(StandardStart::Now) => newest.valid_from_ms <= now_ms,
-                Some(_) => newest.valid_from_ms == valid_from_ms,
-            };
-            newest.definition == definition && is_valid_since
-        };
+        let is_same = |newest: &StandardRecord| newest.is_same(&definition, start, (now_ms, valid_from_ms));
         match newest {
             Some(same) if is_same(&same) => return Ok(same),
             Some(newest) if newest.version >= MAX_VERSIONS => {

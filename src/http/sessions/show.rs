@@ -81,7 +81,7 @@ pub struct SessionResponse {
     /// The tools in the trainee's hands.
     hands: ToolHands,
     /// True if the standard limits a feature of one hand, and which tool was in it is not known: the recording does not
-    /// say it, or the trainee's preferred hand is unknown. The session is then not judged.
+    /// say it, or the trainee's preferred hand is unknown. The session can then be missed, but not passed.
     unknown_hand: bool,
     features: Vec<FeatureResponse>,
     /// Where to look at the features first; `null` while there is no result, and where its paths are short or state no

@@ -192,6 +192,11 @@ pub async fn finish(
     AnonymousJson(answer): AnonymousJson<ProviderAnswer>,
 ) -> HandlerResult<impl IntoResponse> {
     let set_up = set_up(&app)?;
+    // Before the attempt is used up, so that it can be sent again; held until the end, which hashes a password.
+    let _slot = set_up.verifying.try_acquire().map_err(|_| {
+        let busy = Refusal::Busy.with("Many people sign in with the provider at this moment. Try again in a moment.");
+        busy.header(header::RETRY_AFTER, 3)
+    })?;
     let browser = attempt_secret(&headers, &app.settings.base_path);
     let state = Secret::from_cookie(&answer.state);
     let attempt = state.zip(browser).and_then(|(state, browser)| set_up.attempts.take(state.hash(), browser.hash()));
@@ -200,14 +205,7 @@ pub async fn finish(
         return Err(expired());
     };
     let code = code_of(answer, set_up)?;
-    let proof = {
-        let _slot = set_up.verifying.try_acquire().map_err(|_| {
-            let busy =
-                Refusal::Busy.with("Many people sign in with the provider at this moment. Try again in a moment.");
-            busy.header(header::RETRY_AFTER, 3)
-        })?;
-        set_up.provider.prove(code, expected).await.map_err(refused_by_provider)?
-    };
+    let proof = set_up.provider.prove(code, expected).await.map_err(refused_by_provider)?;
     let (cookies, person, linked) = match purpose {
         Purpose::SignIn => {
             let (cookies, person) = sign_in(&app, set_up, address, &headers, proof).await?;

@@ -9,7 +9,7 @@ use crate::domain::blob::{Blob, BlobHash};
 use crate::domain::job::{JobInput, JobPriority, KeyVersion, RescoreInput, TrackInput};
 use crate::ids::{BoxId, CalibrationId, JobId, PaletteId, ResultId, SessionId};
 use crate::motion::PIPELINE_VERSION;
-use crate::store::edits::{revision, time_in_force};
+use crate::store::edits::{revision, settle_box_question, time_in_force};
 
 /// Inserts a job, or finds the one with the same natural key (kind, input, versions). A failed or quarantined job is
 /// queued again.
@@ -187,6 +187,7 @@ async fn recall(
     let Some(result): Option<ResultId> = result.fetch_optional(&mut *tx).await? else { return Ok(()) };
     sqlx::query(MOVE_RESULT_TO_END).bind(result).execute(&mut *tx).await?;
     sqlx::query(MOVE_JOB_TO_END).bind(job).execute(&mut *tx).await?;
+    settle_box_question(tx, input.session).await?;
     let (session, edits) = (input.session, revision(tx, input.session).await?);
     if let Some(CurrentResult { id, trajectory, edits: made_with, .. }) = current_result(tx, session).await?
         && made_with != edits
