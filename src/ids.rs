@@ -104,6 +104,10 @@ ids! {
     MoveId;
     /// What a person dismissed from their list of what needs attention.
     DismissalId;
+    /// A version of the text that trainees consent to.
+    ConsentTextId;
+    /// A decision of a trainee about recordings.
+    ConsentId;
     /// A recording that arrives frame by frame. Its sender makes the id.
     FeedId;
     /// An order to score a task's sessions again.

@@ -228,6 +228,7 @@ impl Settings {
         check_range("backup.keep", self.backup.keep, 1..=10_000)?;
         check_range("retention.videos_months", self.retention.videos_months, 0..=1_200)?;
         check_range("retention.erase_days", self.retention.erase_days, 0..=365)?;
+        check_range("retention.access_log_months", self.retention.access_log_months, 0..=1_200)?;
         check_range("upkeep.collect_s", self.upkeep.collect_s, 1..=86_400)?;
         let wrong = |(key, value, expected)| SettingsError::Value { key, value, expected };
         self.single_sign_on.check().map_err(wrong)?;
@@ -565,7 +566,8 @@ mod tests {
     }
 
     /// Keys whose value may be 0.
-    const MAY_BE_ZERO: [&str; 4] = ["workers", "http.hsts_days", "retention.videos_months", "retention.erase_days"];
+    const MAY_BE_ZERO: [&str; 5] =
+        ["workers", "http.hsts_days", "retention.videos_months", "retention.erase_days", "retention.access_log_months"];
     /// An earlier name of a key, and the present one.
     const EARLIER_NAME: (&str, &str) = ("http.attempts_per_min", "http.free_attempts");
 

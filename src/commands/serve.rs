@@ -21,6 +21,7 @@ use super::backup_command::backup_command;
 use super::demonstration::{self, DemonstrationBuilder};
 use super::greeting::{Greeting, print_line};
 use super::{CommandFailure, restrict_new_files_to_owner};
+use crate::access_log::AccessLog;
 use crate::analysis::stored_rows::StoredIndexes;
 use crate::analysis::{AnalysisSettings, QuickAnalysis, WorkerPool};
 use crate::cohorts::Cohorts;
@@ -268,6 +269,7 @@ pub async fn start(
         backup_command: backup_command(&settings, &child),
         retention: settings.retention.clone(),
         exports: ConnectionSlots::new(MAX_EXPORTS, 1),
+        access_log: AccessLog::new(clock.clone()),
         queue,
         events,
         clock,
@@ -351,6 +353,8 @@ fn start_upkeep(app: &App, settings: &Settings) {
             set_up.provider().keep_known(&own.shutdown).await;
         }
     });
+    let own = app.clone();
+    app.shutdown.spawn(async move { own.access_log.run(&own.store, &own.shutdown).await });
     let (own, events) = (app.clone(), app.events.subscribe());
     app.shutdown.spawn(async move { own.prepare_events(events).await });
     let (queue, stop) = (app.queue.clone(), app.shutdown.clone());

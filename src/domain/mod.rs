@@ -12,6 +12,9 @@
 //! | [`centre`] | the centre's logo |
 //! | [`boxes`] | a box trainer: its camera's viewpoint and its tools |
 //! | [`trainee`] | level and handedness |
+//! | [`consent`] | consent to recordings: texts, decisions, the rule for new recordings |
+//! | [`personal_retention`] | how long the videos of one trainee are kept |
+//! | [`access`] | what people open of the recordings of others |
 //! | [`enrolment`] | a list of trainees to enrol, checked row by row |
 //! | [`task`] | an exercise's description |
 //! | [`feature`] | the list of features, and the key of one of them |
@@ -43,6 +46,7 @@
 //! | [`problem`] | why something failed, for people |
 //! | [`files`] | exchange formats: camera.json, annotations.json, trajectories, features, truth |
 
+pub mod access;
 pub mod advice;
 pub mod attention;
 pub mod blob;
@@ -54,6 +58,7 @@ pub mod centre;
 pub mod clock;
 pub mod cohort;
 pub mod comment;
+pub mod consent;
 pub mod course;
 pub mod edit;
 pub mod enrolment;
@@ -67,6 +72,7 @@ pub mod hand;
 pub mod job;
 pub mod palette;
 pub mod password_state;
+pub mod personal_retention;
 pub mod photo_check;
 pub mod problem;
 pub mod rating;

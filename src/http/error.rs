@@ -43,6 +43,8 @@ pub enum Refusal {
     SingleSignOn,
     /// The caller must choose another password before anything else.
     PasswordChangeRequired,
+    /// The trainee does not consent to new recordings.
+    ConsentMissing,
     /// A page of another site requested a change.
     ForeignOrigin,
     /// The resource does not exist, or the caller may not see it.
@@ -90,13 +92,14 @@ pub enum Refusal {
 }
 
 /// Every refusal with the slug of its `type`, its title and its status.
-pub const REFUSALS: [(Refusal, &str, &str, u16); 28] = [
+pub const REFUSALS: [(Refusal, &str, &str, u16); 29] = [
     (Refusal::BadRequest, "bad-request", "The request cannot be read", 400),
     (Refusal::NotSignedIn, "not-signed-in", "Sign in first", 401),
     (Refusal::WrongCredentials, "wrong-credentials", "Login or password is wrong", 401),
     (Refusal::Forbidden, "forbidden", "You may not do this", 403),
     (Refusal::SingleSignOn, "single-sign-on", "Signing in with the provider did not work", 403),
     (Refusal::PasswordChangeRequired, "password-change-required", "Choose a password of your own first", 403),
+    (Refusal::ConsentMissing, "consent-missing", "The trainee does not consent to recordings", 403),
     (Refusal::ForeignOrigin, "foreign-origin", "The request comes from another site's page", 403),
     (Refusal::NotFound, "not-found", "Not found", 404),
     (Refusal::MethodNotAllowed, "method-not-allowed", "This address has no such method", 405),
@@ -125,7 +128,7 @@ impl Refusal {
     /// Slug, title and status of this refusal.
     pub fn row(self) -> (&'static str, &'static str, StatusCode) {
         // Tests check that every variant has a row, and every row a valid status.
-        let row = REFUSALS.iter().find(|row| row.0 == self).unwrap_or(&REFUSALS[24]);
+        let row = REFUSALS.iter().find(|row| row.0 == self).unwrap_or(&REFUSALS[26]);
         (row.1, row.2, StatusCode::from_u16(row.3).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR))
     }
 
@@ -233,6 +236,9 @@ impl From<StoreError> for ProblemResponse {
             StoreError::Taken { what, .. } => Refusal::Taken.with(format!("This {what} is taken. Choose another.")),
             StoreError::InUse { .. } => {
                 Refusal::InUse.with(format!("{}. Delete what refers to it first.", capitalised(&error)))
+            }
+            StoreError::ConsentMissing { state } => {
+                Refusal::ConsentMissing.with(format!("{}.", capitalised(&error))).member("consent", state.name())
             }
             StoreError::Refused { .. } => Refusal::Conflict.with(format!("{}.", capitalised(&error))),
             StoreError::LimitReached { why, most } => {

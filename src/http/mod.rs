@@ -38,6 +38,7 @@ pub mod compress;
 pub mod connection;
 pub mod connection_places;
 pub mod connection_slots;
+pub mod consent_texts;
 pub mod courses;
 pub mod dashboard;
 pub mod data_export;

@@ -100,7 +100,8 @@ async fn admit(
     let task = of.task.ok_or_else(missing("task"))?;
     let (store, sender_scope) = (&app.store, scope.upload_scope());
     let box_id = store.boxes().get(&scope, &in_box).await?.id;
-    store.trainees().get(&sender_scope, &Key::from(&trainee)).await.map_err(reference_problem("trainee"))?;
+    let found = store.trainees().get(&sender_scope, &Key::from(&trainee)).await;
+    store.consents().require(&sender_scope, found.map_err(reference_problem("trainee"))?.id).await?;
     store.tasks().get(&sender_scope, &Key::from(&task)).await.map_err(reference_problem("task"))?;
     app.feeds.check_free(box_id).await?;
     let place = app.take_feed_slot(&scope)?;

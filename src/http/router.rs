@@ -15,9 +15,9 @@ use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{account, attention, centre, first_steps, service};
 use super::{
-    boxes, cohorts, courses, dashboard, data_export, docs, events, features, feed, feedback, groups, health, jobs,
-    observe, password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions, single_sign_on,
-    tasks, tokens,
+    boxes, cohorts, consent_texts, courses, dashboard, data_export, docs, events, features, feed, feedback, groups,
+    health, jobs, observe, password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions,
+    single_sign_on, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads};
 
@@ -109,6 +109,20 @@ fn trainee_routes() -> OpenApiRouter<App> {
         .routes(routes!(trainees::pending_erasures))
         .routes(routes!(trainees::restore))
         .routes(routes!(data_export::trainee))
+        .merge(consent_routes())
+}
+
+/// Consent to recordings, how long they are kept, and who looked at them.
+fn consent_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(consent_texts::list, consent_texts::publish))
+        .routes(routes!(consent_texts::effect))
+        .routes(routes!(consent_texts::change))
+        .routes(routes!(trainees::consent))
+        .routes(routes!(trainees::record_consent))
+        .routes(routes!(trainees::retention, trainees::set_retention))
+        .routes(routes!(trainees::preview_retention))
+        .routes(routes!(trainees::access_entries))
 }
 
 /// Tasks with their features, standards, error items and models.

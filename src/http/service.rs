@@ -74,17 +74,16 @@ pub struct RetentionState {
     next_bytes: u64,
     /// Days for taking the erasure of a trainee back; 0: it cannot.
     erase_days: u32,
+    /// Months for which the log of who opened whose recordings is kept; 0: as long as the trainee.
+    access_log_months: u32,
 }
 
 impl RetentionState {
     async fn of(app: &App) -> StoreResult<Self> {
-        let before_ms = app.retention.videos_of_next_month_before_ms(app.clock.now_ms());
-        let (next_videos, next_bytes) = match before_ms {
-            Some(before_ms) => app.store.retention().old_videos(before_ms).await?,
-            None => (0, 0),
-        };
-        let RetentionSettings { videos_months, erase_days } = app.retention;
-        Ok(Self { videos_months, next_videos, next_bytes, erase_days })
+        let due = app.retention.videos_of_next_month(app.clock.now_ms());
+        let (next_videos, next_bytes) = app.store.retention().old_videos(due).await?;
+        let RetentionSettings { videos_months, erase_days, access_log_months } = app.retention;
+        Ok(Self { videos_months, next_videos, next_bytes, erase_days, access_log_months })
     }
 }
 

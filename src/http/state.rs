@@ -14,6 +14,7 @@ use super::heavy::HeavyAnswers;
 use super::sessions::WatchedSessions;
 use super::settings::HttpSettings;
 use super::single_sign_on::SingleSignOn;
+use crate::access_log::AccessLog;
 use crate::analysis::QuickAnalysis;
 use crate::analysis::stored_rows::StoredIndexes;
 use crate::cohorts::Cohorts;
@@ -90,6 +91,8 @@ pub struct AppParts {
     pub backup_command: String,
     /// How long videos and erased people are kept.
     pub retention: RetentionSettings,
+    /// Who opens whose recordings.
+    pub access_log: AccessLog,
     /// Slots for exports of a person or of the centre, which read everything that belongs to them.
     pub exports: ConnectionSlots,
     /// Metrics for Prometheus.

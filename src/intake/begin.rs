@@ -59,6 +59,7 @@ impl Intake {
             );
         }
         let trainee = self.store.trainees().get(scope, &Key::from(&trainee)).await.map_err(unknown("trainee"))?;
+        self.store.consents().require(scope, trainee.id).await.map_err(unknown("trainee"))?;
         let task = self.store.tasks().get(scope, &Key::from(&task)).await.map_err(unknown("task"))?;
         let in_box = self.store.boxes().get(scope, &Key::from(&in_box)).await.map_err(unknown("box"))?;
         Ok(ResolvedRecording {

@@ -299,7 +299,10 @@ impl From<LiveError> for CloseReason {
 
 fn reason_of_store_error(error: StoreError) -> CloseReason {
     let code = match &error {
-        StoreError::NotFound { .. } | StoreError::Refused { .. } | StoreError::Forbidden { .. } => CloseCode::Unknown,
+        StoreError::NotFound { .. }
+        | StoreError::Refused { .. }
+        | StoreError::Forbidden { .. }
+        | StoreError::ConsentMissing { .. } => CloseCode::Unknown,
         StoreError::LimitReached { .. } => CloseCode::Busy,
         _ => CloseCode::Failed,
     };

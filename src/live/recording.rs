@@ -12,12 +12,15 @@ use crate::analysis::{AttemptFailure, ChildAttempt, run_attempt};
 use crate::domain::feed::early_end::{EarlyEnd, EarlyEndCause};
 use crate::domain::problem::Problem;
 use crate::domain::session::{LiveFeature, SessionStatus};
-use crate::ids::SessionId;
+use crate::ids::{SessionId, TraineeId};
 use crate::sandbox::{Budget, StopSwitch};
+use crate::store::FeedRow;
 use crate::vault::{PinnedBlob, VaultError};
 
 /// Attempts to assemble a recording before it needs an administrator.
 const MAX_FAILURES: u32 = 3;
+/// Why a recording ended early, for people.
+const CONSENT_ENDED: &str = "the trainee decided against recordings";
 /// How much longer than its log a recording may be: tables of frames.
 const MAX_TABLE_BYTES: u64 = 64 << 20;
 
@@ -26,6 +29,8 @@ const MAX_TABLE_BYTES: u64 = 64 << 20;
 pub(super) enum EndTrigger {
     /// Its sender, with this epoch, reports that it has this many frames, and why it ends early, if it does.
     Requested { epoch: u32, frames: u64, early: Option<EarlyEnd> },
+    /// The trainee decided against recordings: it ends also while it is being sent.
+    ConsentEnded,
     /// It has no sender, and there was no contact since then (monotonic time).
     Abandoned { since_ms: i64, cause: EarlyEndCause },
 }
@@ -35,6 +40,7 @@ impl EndTrigger {
     fn early_end(self) -> Option<EarlyEnd> {
         match self {
             Self::Requested { early, .. } => early,
+            Self::ConsentEnded => Some(EarlyEnd::of(EarlyEndCause::ByPerson).with(CONSENT_ENDED)),
             Self::Abandoned { cause, .. } => Some(EarlyEnd::of(cause)),
         }
     }
@@ -71,6 +77,7 @@ impl FeedService {
         }
         let not_yet = match ending {
             EndTrigger::Requested { epoch, frames, .. } => check_complete(feed, records, epoch, frames)?,
+            EndTrigger::ConsentEnded => None,
             EndTrigger::Abandoned { since_ms, .. } => {
                 (!feed.is_abandoned(since_ms)).then_some(FinishOutcome::StillSending)
             }
@@ -165,6 +172,40 @@ impl FeedService {
         }
     }
 
+    /// Ends the recordings of a trainee who decided against recordings, with the frames that arrived, also while they are
+    /// being sent. One that cannot be ended now receives nothing more, and [`FeedService::maintain`] ends it.
+    pub async fn end_recordings_of(&self, trainee: TraineeId) {
+        let unfinished = match self.0.store.feeds().unfinished().await {
+            Ok(rows) => rows,
+            Err(error) => return tracing::error!(%error, %trainee, "recordings of a trainee without consent not ended"),
+        };
+        for row in unfinished.into_iter().filter(|row| row.trainee_id == trainee) {
+            let id = row.id;
+            if let Err(reason) = self.end_without_consent(row).await {
+                tracing::warn!(feed = %id, why = reason.why, "recording without consent not ended; ended by upkeep later");
+            }
+        }
+    }
+
+    async fn end_without_consent(&self, row: FeedRow) -> Result<(), CloseReason> {
+        let known = self.0.open.all.lock().await.get(&row.id).cloned();
+        let feed = match known {
+            Some(feed) => feed,
+            None => match self.open_unheard(row.id, self.0.clock.monotonic_ms()).await? {
+                Some(feed) => feed,
+                None => return Ok(()), // it has ended meanwhile
+            },
+        };
+        match self.finish(&feed, EndTrigger::ConsentEnded).await {
+            Ok(_) => Ok(()),
+            Err(reason) => {
+                feed.epoch.send_replace(u32::MAX); // closes the connection that still sends it
+                self.close_feed(&feed).await;
+                Err(reason)
+            }
+        }
+    }
+
     /// Ends an abandoned recording with the frames that arrived.
     pub(super) async fn end_abandoned(&self, feed: &Arc<OpenFeed>, since_ms: i64) -> Result<(), LiveError> {
         match self.finish(feed, EndTrigger::Abandoned { since_ms, cause: EarlyEndCause::SenderGone }).await {
@@ -182,7 +223,7 @@ impl FeedService {
     async fn discard(&self, feed: &Arc<OpenFeed>, ending: &EndTrigger) -> Result<(), CloseReason> {
         let _lock = self.0.open.lock_feed(feed.row.id).await;
         feed.set_phase(FeedPhase::Removed);
-        let may_come_again = matches!(ending, EndTrigger::Abandoned { .. });
+        let may_come_again = matches!(ending, EndTrigger::Abandoned { .. }); // one without consent does not come back
         self.0.store.feeds().forget(feed.row.id, may_come_again).await.map_err(LiveError::from)?;
         self.close_feed(feed).await;
         self.0.vault.delete_feed(feed.row.id).await.map_err(|error| LiveError::from(error).into())

@@ -66,6 +66,7 @@ const SELECT_ENTRIES: &str = "
             (SELECT name FROM training_box JOIN calibration ON box_id = training_box.id WHERE calibration.id = subject)
         WHEN 'palette' THEN
             (SELECT name FROM training_box JOIN palette ON box_id = training_box.id WHERE palette.id = subject)
+        WHEN 'consent_text' THEN (SELECT coalesce(title_en, title_de) FROM consent_text WHERE id = subject)
         WHEN 'task' THEN (SELECT name FROM task WHERE id = subject)
         WHEN 'cohort' THEN (SELECT name FROM cohort WHERE id = subject)
         WHEN 'course' THEN (SELECT name FROM course WHERE id = subject)

@@ -10,6 +10,7 @@ use crate::domain::attention::AttentionKind;
 use crate::domain::blob::BlobHash;
 use crate::domain::calibration::CalibrationSource;
 use crate::domain::centre::LogoFormat;
+use crate::domain::consent::{ConsentDecision, ConsentMeans};
 use crate::domain::edit::EditKind;
 use crate::domain::erasure::ErasedKind;
 use crate::domain::feed::FrameCodec;
@@ -27,10 +28,10 @@ use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, CommentId, CourseId, DismissalId, EditId, ErrorListId, ErrorMarkId, ErrorSheetId,
-    FeedId, GroupId, IdentityId, InstallationId, JobId, LeaseToken, ModelId, MoveId, PaletteId, PasswordLinkId,
-    PersonId, RatingId, RescoringId, ResultId, ScoreFormulaId, SelfTestId, SessionId, StandardId, TaskId, TokenId,
-    TraineeId, UploadId,
+    BoxId, CalibrationId, CohortId, CommentId, ConsentId, ConsentTextId, CourseId, DismissalId, EditId, ErrorListId,
+    ErrorMarkId, ErrorSheetId, FeedId, GroupId, IdentityId, InstallationId, JobId, LeaseToken, ModelId, MoveId,
+    PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, ScoreFormulaId, SelfTestId, SessionId,
+    StandardId, TaskId, TokenId, TraineeId, UploadId,
 };
 use crate::motion::features::{self, Feature};
 use crate::time::Day;
@@ -82,7 +83,7 @@ as_shown! {
     RescoringId ModelId EditId MoveId BlobHash Day Role Level Handedness CalibrationSource JobKind JobState
     FeatureSpace FrameCodec TrafficLight RatingForm SessionJudgement RescoringSource RescoringItemState EditKind
     BoxQuestion RecordedAtSource EarlyEndCause ErasedKind PasswordState LogoFormat DismissalId AttentionKind
-    ErrorListId ScoreFormulaId ErrorSheetId ErrorMarkId Supervision SessionOutcome
+    ErrorListId ScoreFormulaId ErrorSheetId ErrorMarkId Supervision SessionOutcome ConsentId ConsentTextId ConsentDecision ConsentMeans
 }
 
 as_stored! {

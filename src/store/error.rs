@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use crate::domain::consent::ConsentState;
+
 /// Result of a store function.
 pub type StoreResult<T> = Result<T, StoreError>;
 
@@ -44,6 +46,12 @@ pub enum StoreError {
     Refused {
         /// The reason, and what to do about it.
         why: String,
+    },
+    /// The trainee does not consent to new recordings.
+    #[error("{}", state.why_refused())]
+    ConsentMissing {
+        /// What the trainee has decided.
+        state: ConsentState,
     },
     /// A limit of the sender, or of all senders, is reached.
     #[error("{why}")]

@@ -6,6 +6,7 @@ use sqlx::types::Json;
 
 use super::audit::note;
 use super::columns::Insert;
+use super::consents::{require_consent, require_no_refusal};
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::enqueue_track;
 use super::sender_limits::check_feed;
@@ -216,6 +217,7 @@ impl FeedStore<'_> {
                 if known.ended_at_ms.is_some() {
                     return Ok(known);
                 }
+                require_no_refusal(tx, known.trainee_id, now_ms).await?;
                 sqlx::query(UPDATE_EPOCH).bind(new.id).execute(&mut *tx).await?;
                 find(tx, new.id).await?.ok_or(not_found("feed"))
             })
@@ -345,6 +347,7 @@ async fn find(tx: &mut SqliteConnection, id: FeedId) -> StoreResult<Option<FeedR
 }
 
 async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: i64) -> StoreResult<FeedRow> {
+    require_consent(tx, new.trainee, now_ms).await?;
     let (id, session) = (new.id, SessionId::at(now_ms));
     let (recorded_at_ms, recorded_at_source) = match new.is_push {
         true => (new.began_at_ms, RecordedAtSource::Arrival), // the service itself noted the beginning of the push

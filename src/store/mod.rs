@@ -45,11 +45,15 @@
 //! | [`Store::erasures`] | `after` `last` `repeat` `add` |
 //! | [`Store::pending_erasures`] | `extent` `request` `list` `take_back` `due` |
 //! | [`Store::retention`] | `old_videos` `drop_videos` `release_failed_pictures` |
+//! | [`Store::personal_retention`] | `of_trainee` `due_videos` `set` |
+//! | [`Store::consents`] | `texts` `publish` `change_text` `effect` `of_trainee` `states` `record` |
+//! | [`Store::access_log`] | `write` `of_trainee` `forget` |
 //! | [`Store::installation`] | `id` `backup_folder` `set_backup_folder` |
 //! | [`Store::centre`] | `get` `logo` `set_name` `set_logo` |
 //! | [`Store::first_steps`] | `get` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
 
+mod access_log;
 mod attention;
 mod audit;
 mod blobs;
@@ -61,6 +65,7 @@ mod codes;
 mod cohorts;
 mod columns;
 mod comments;
+mod consents;
 mod cookies;
 mod courses;
 mod disk_reserve;
@@ -85,6 +90,7 @@ mod palettes;
 mod password_links;
 mod pending_erasures;
 mod people;
+mod personal_retention;
 mod ratings;
 mod rescorings;
 mod retention;
@@ -113,6 +119,9 @@ use sqlx::SqlitePool;
 use sqlx::sqlite::SqliteConnection;
 use tokio::sync::watch;
 
+pub use access_log::{
+    AccessEntry, AccessKey, AccessLogStore, AccessedRecordings, HOUR_MS, MAX_ENTRIES as MAX_ACCESS_ENTRIES, NewAccess,
+};
 pub use attention::{AlarmKey, AttentionStore, DismissalRecord, RECENT_MS};
 pub use audit::{AuditEntry, AuditStore, Backup};
 pub use blobs::{BlobStore, BlobUse};
@@ -122,6 +131,7 @@ pub use calibrations::{CalibrationRecord, CalibrationStore};
 pub use centre::{CentreRecord, CentreStore};
 pub use cohorts::{CohortRecord, CohortStore, CohortValue};
 pub use comments::{CommentRecord, CommentStore, VisibleComments};
+pub use consents::{ConsentEffect, ConsentRecord, ConsentStore, ConsentTextRecord, TraineeConsent};
 pub use cookies::{
     CookieHolder, CookieLifetime, CookieStore, KNOWN_PLACE_LIFETIME, NewSignIn, SignInOrigin, SignInRecord,
 };
@@ -145,9 +155,10 @@ pub use palettes::{PaletteRecord, PaletteStore};
 pub use password_links::{PasswordLinkRecord, PasswordLinkStore};
 pub use pending_erasures::{ErasureExtent, PendingErasure, PendingErasureStore};
 pub use people::{NewPerson, PersonChange, PersonRecord, PersonStore};
+pub use personal_retention::{PersonalRetentionRecord, PersonalRetentionStore};
 pub use ratings::{GivenRating, RatingRecord, RatingStore, SessionValue, VisibleRatings};
 pub use rescorings::{EndedItem, RescoringItem, RescoringRecord, RescoringStore, RescoringTrainee, ResultComparison};
-pub use retention::RetentionStore;
+pub use retention::{RetentionStore, VideoAge};
 pub use schema_version::SchemaState;
 pub use self_tests::{SelfTestLight, SelfTestRecord, SelfTestStore};
 pub use sender_limits::SenderLimits;
@@ -471,6 +482,12 @@ accessors! {
     invitations: InvitationStore;
     /// Videos and pictures that are kept for a limited time.
     retention: RetentionStore;
+    /// How long the videos of single trainees are kept.
+    personal_retention: PersonalRetentionStore;
+    /// Consent texts and consents.
+    consents: ConsentStore;
+    /// Who looked at whose recordings.
+    access_log: AccessLogStore;
 }
 
 #[cfg(test)]

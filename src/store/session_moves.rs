@@ -10,6 +10,7 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::audit::note;
+use super::consents::require_consent;
 use super::edits::settle_box_question;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::{enqueue_rescore_if_outdated, enqueue_track};
@@ -176,6 +177,9 @@ impl SessionMoveStore<'_> {
                 })?;
                 require_trainee(tx, &by, from.trainee).await?;
                 require_trainee(tx, &by, to.trainee).await?;
+                if from.trainee != to.trainee {
+                    require_consent(tx, to.trainee, now_ms).await?;
+                }
                 let is_other_box = from.in_box != to.in_box;
                 let is_other_work = (from.trainee, from.task) != (to.trainee, to.task);
                 refuse_duplicate(tx, to, (video, path.filter(|_| is_other_work))).await?;

@@ -3,6 +3,7 @@
 
 use super::audit::note;
 use super::columns::{Insert, integer};
+use super::consents::require_consent;
 use super::edits::time_of;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::sender_limits::check_upload;
@@ -175,6 +176,7 @@ impl UploadStore<'_> {
         self.0
             .write(async move |tx| {
                 require_trainee(tx, &scope, upload.trainee_id).await?;
+                require_consent(tx, upload.trainee_id, upload.created_at_ms).await?;
                 let wanted = (max_unfinished, upload.length);
                 check_upload(tx, &scope, &limits, wanted, upload.created_at_ms).await?;
                 upload.insert().execute(tx).await.map_err(missing("task or box"))?;

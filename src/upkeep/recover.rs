@@ -89,7 +89,7 @@ async fn recover_upload(
 async fn finish(store: &Store, vault: &Vault, upload: &UploadRecord) -> UpkeepResult<bool> {
     match intake::finish(store, vault, &Scope::service(), upload).await {
         Ok(finished) => Ok(finished.is_new),
-        Err(IntakeError::Store(StoreError::Refused { .. })) => Ok(false), // its sender gets the error
+        Err(IntakeError::Store(StoreError::Refused { .. } | StoreError::ConsentMissing { .. })) => Ok(false), // its sender gets the error
         Err(IntakeError::Store(error)) => Err(error.into()),
         Err(IntakeError::Vault(error)) => Err(error.into()),
         Err(other) => {

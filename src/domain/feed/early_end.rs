@@ -15,7 +15,7 @@ named! {
         SourceLost = "source_lost",
         /// The sender stayed away for too long, or its stream broke off.
         SenderGone = "sender_gone",
-        /// A person ended it while its sender was away.
+        /// A person ended it while its sender was away, or the trainee decided against recordings.
         ByPerson = "by_person",
     }
 }

@@ -15,7 +15,7 @@ use crate::http::service::AuditChange;
 use crate::http::sessions::{EditsResponse, MoveResponse, SessionResponse, write_edited_csv};
 use crate::http::show::Time;
 use crate::http::single_sign_on::IdentityResponse;
-use crate::http::trainees::TraineeResponse;
+use crate::http::trainees::{AccessEntryResponse, ConsentResponse, RetentionResponse, TraineeResponse};
 use crate::ids::SessionId;
 use crate::store::{PageRequest, SessionFilter, SessionOpening, SessionRecord, TraineeRecord};
 use crate::time::Day;
@@ -23,6 +23,9 @@ use crate::vault::VaultError;
 
 /// Sessions and audit entries that are read at a time.
 const ROUND: u32 = 50;
+
+/// Most entries of the access log in an export, the newest; like those of the audit trail.
+const MAX_ACCESS_ENTRIES: usize = 10_000;
 
 /// Says what a person's export is.
 pub(super) const README: &str = "\
@@ -39,6 +42,10 @@ pub(super) const FILES: &str = "\
 profile.json       name, level, hand, groups; account, sign-ins and accounts at
                    the provider of single sign-on, without the password;
                    when each session was opened
+consent.json       whether the person consents to recordings, and all decisions
+retention.json     for how long videos are kept
+access.json        who opened this person's recordings, and exported them: the newest 10,000 entries; left out in the
+                   export of an instructor
 sessions/…/        one folder for each session:
   session.json     recording, quality, features with their error bars, versions
   ratings.json     ratings on forms, with remarks
@@ -88,7 +95,9 @@ pub(super) fn add(
     below: &str,
     archive: &mut Archive,
 ) -> Result<(), ExportFailure> {
+    job.app.note_export(&job.scope, trainee.id);
     archive.add_json(&format!("{below}profile.json"), &job.wait(profile(job, trainee))?)?;
+    add_consent(job, trainee, below, archive)?;
     let filter = SessionFilter { trainee: Some(Key::from(&trainee.id)), ..SessionFilter::default() };
     let mut after = None;
     loop {
@@ -130,6 +139,36 @@ async fn profile(job: &ExportJob, trainee: &TraineeRecord) -> Result<PersonProfi
         sign_ins: sign_ins.into_iter().map(SignInEntry::from).collect(),
         identities: identities.into_iter().map(IdentityResponse::from).collect(),
     })
+}
+
+/// Adds the consents, how long videos are kept, and, unless an instructor exports, who looked at the recordings: that names
+/// staff of other groups.
+fn add_consent(
+    job: &ExportJob,
+    trainee: &TraineeRecord,
+    below: &str,
+    archive: &mut Archive,
+) -> Result<(), ExportFailure> {
+    let (app, scope) = (&job.app, &job.scope);
+    let consent = job.wait(app.store.consents().of_trainee(scope, trainee.id))?;
+    archive.add_json(&format!("{below}consent.json"), &ConsentResponse::from(consent))?;
+    let centre = app.retention.videos_months;
+    let kept = job.wait(app.store.personal_retention().of_trainee(scope, trainee.id, centre))?;
+    archive.add_json(&format!("{below}retention.json"), &RetentionResponse::new(kept, centre))?;
+    if !job.has_account(trainee) {
+        return Ok(());
+    }
+    let (mut entries, mut after) = (Vec::new(), None);
+    while entries.len() < MAX_ACCESS_ENTRIES {
+        let page = PageRequest::new(PageRequest::MAX_LIMIT, after);
+        let page = job.wait(app.store.access_log().of_trainee(scope, trainee.id, &page))?;
+        entries.extend(page.items.into_iter().map(AccessEntryResponse::from));
+        after = page.next;
+        if after.is_none() {
+            break;
+        }
+    }
+    archive.add_json(&format!("{below}access.json"), &entries)
 }
 
 /// Adds the entries of the audit trail about a trainee, unless an instructor exports: they name staff of other groups.

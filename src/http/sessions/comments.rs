@@ -5,6 +5,7 @@ use axum::http::StatusCode;
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use crate::domain::access::AccessedPart;
 use crate::domain::comment::NewComment;
 use crate::domain::scope::Scope;
 use crate::http::auth::signed_in::Member;
@@ -58,7 +59,10 @@ impl CommentResponse {
 #[utoipa::path(get, path = "/sessions/{id}/comments", tag = "ratings",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = CommentsResponse)))]
 pub async fn comments(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<CommentsResponse>> {
-    Ok(Json(app.comments_of(&by.scope, at.id()?).await?))
+    let session = at.id()?;
+    let comments = app.comments_of(&by.scope, session).await?;
+    app.note_access(&by.scope, session, AccessedPart::Remarks);
+    Ok(Json(comments))
 }
 
 impl App {

@@ -6,6 +6,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::cohorts::ErrorScoreAnswer;
+use crate::domain::access::AccessedPart;
 use crate::domain::error_sheet::{
     ErrorItem, ErrorScore, ItemValue, NewErrorMark, NewSheetValues, NoErrorScore, values_of,
 };
@@ -163,7 +164,10 @@ impl App {
 #[utoipa::path(get, path = "/sessions/{id}/error-sheets", tag = "ratings",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = ErrorSheetsResponse)))]
 pub async fn error_sheets(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<ErrorSheetsResponse>> {
-    Ok(Json(app.error_sheets_of(&by.scope, at.id()?).await?))
+    let session = at.id()?;
+    let sheets = app.error_sheets_of(&by.scope, session).await?;
+    app.note_access(&by.scope, session, AccessedPart::Remarks);
+    Ok(Json(sheets))
 }
 
 /// Begin the caller's error sheet of a session

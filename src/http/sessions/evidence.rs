@@ -4,6 +4,7 @@ use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use crate::domain::access::AccessedPart;
 use crate::domain::advice::{self, Advice, MeasuredSession};
 use crate::domain::evidence::EvidenceRow;
 use crate::domain::standard::SessionJudgement;
@@ -72,6 +73,7 @@ pub async fn evidence(State(app): State<App>, by: Member, at: PathKey) -> Handle
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let result = app.store.sessions().result(&by.scope, session.id).await?;
     let features = app.store.sessions().evidence(&by.scope, session.id).await?;
+    app.note_access(&by.scope, session.id, AccessedPart::Result);
     Ok(Json(EvidenceResponse { pipeline: result.map(|result| result.versions.pipeline), features }))
 }
 
@@ -87,6 +89,7 @@ pub async fn session_advice(State(app): State<App>, by: Member, at: PathKey) -> 
     let standard = app.store.standards().at(&by.scope, session.task_id, session.created_at_ms).await?;
     let result = app.store.sessions().result(&by.scope, session.id).await?;
     let evidence = app.store.sessions().evidence(&by.scope, session.id).await?;
+    app.note_access(&by.scope, session.id, AccessedPart::Result);
     let version = standard.as_ref().map(|standard| standard.version);
     let given = advice_of(&session, result, standard, evidence);
     let (items, none) = given.map_or_else(|none| (Vec::new(), Some(none)), |items| (items, None));

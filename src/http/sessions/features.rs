@@ -7,6 +7,7 @@ use serde::Deserialize;
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
+use crate::domain::access::AccessedPart;
 use crate::domain::files::features::TableFormat;
 use crate::domain::session::BoxQuestion;
 use crate::domain::xapi::{self, ScoredSession, Statement};
@@ -44,6 +45,7 @@ pub async fn features(
 ) -> HandlerResult<Response> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let result = app.result(&by.scope, session.id).await?;
+    app.note_access(&by.scope, session.id, AccessedPart::Result);
     let rows = export::rows(&session, &result, TraineeIdentifier::Code);
     export::export_session(rows, format, &format!("features-{}", session.id)).await
 }
@@ -63,6 +65,7 @@ pub async fn xapi(
 ) -> HandlerResult<Json<Statement>> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let result = app.result(&by.scope, session.id).await?;
+    app.note_access(&by.scope, session.id, AccessedPart::Result);
     let standard = app.store.standards().at(&by.scope, session.task_id, session.created_at_ms).await?;
     Ok(Json(statement(&app.base_url(&headers), &session, &result, standard.as_ref())))
 }

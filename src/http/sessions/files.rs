@@ -8,6 +8,7 @@ use utoipa::IntoParams;
 
 use crate::analysis::edits::Swaps;
 use crate::analysis::stored_rows::{NameAt, StoredDiagnostics, StoredPaths, StoredRowsError};
+use crate::domain::access::AccessedPart;
 use crate::domain::blob::BlobHash;
 use crate::domain::edit::{EditChange, EditsInForce};
 use crate::domain::scope::Scope;
@@ -47,6 +48,7 @@ pub async fn video(
     let disposition = disposition("inline", session.filename.as_str());
     let video = session.video.ok_or_else(ProblemResponse::not_found)?;
     let of = FileOwner { scope: &by.scope, session: session.id };
+    app.note_access(of.scope, of.session, AccessedPart::Video);
     app.stored_file(of, video, session.media_type, disposition).await?.answer(&method, &headers).await
 }
 
@@ -65,6 +67,7 @@ pub async fn preview(
     let result = app.result(of.scope, of.session).await?;
     let preview = result.preview.ok_or_else(ProblemResponse::not_found)?;
     let disposition = disposition("inline", "preview.jpg");
+    app.note_access(of.scope, of.session, AccessedPart::Video);
     app.stored_file(of, preview, "image/jpeg".to_owned(), disposition).await?.answer(&method, &headers).await
 }
 
@@ -98,6 +101,7 @@ pub async fn diagnostics(
     let id = at.id()?;
     let of = FileOwner { scope: &by.scope, session: id };
     let (stored, _, swaps) = app.diagnostics_with_swaps(&by.scope, id).await?;
+    app.note_access(of.scope, of.session, AccessedPart::Path);
     if frames.from_frame.or(frames.to_frame).is_some() || !swaps.is_empty() {
         let slot = app.heavy_answers.take(&by.scope).await?;
         // Again: during the wait the session may have been tracked again, or the caller may have lost access.

@@ -19,6 +19,7 @@ use utoipa::IntoParams;
 
 use super::watched::WatchedSession;
 use crate::analysis::protocol::{FollowReply, FollowedFrame, FollowedTool, SeenSoFar, live_features};
+use crate::domain::access::AccessedPart;
 use crate::domain::files::quality::ConcernDocument;
 use crate::domain::scope::Scope;
 use crate::domain::session::{LiveFeature, SessionStatus};
@@ -220,6 +221,7 @@ pub async fn live(
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
     let full = || busy("Too many pages are open. Close a page that you no longer need, then try again.");
     let place = app.watcher_slots.take(&by.scope).ok_or_else(full)?;
+    app.note_access(&by.scope, session.id, AccessedPart::Video);
     let (shared, task) = (app.watched_sessions.watch(session.id), session.task_id);
     let watcher = Watcher { app, scope: by.scope, headers, session: shared, task, pictures: watched.pictures };
     // A watcher sends no messages, so small buffers are enough.

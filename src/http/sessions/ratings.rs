@@ -4,6 +4,7 @@ use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use crate::domain::access::AccessedPart;
 use crate::domain::rating::{self, ApplicableTotal, FormInfo, ItemMark, NewRating, RatingForm};
 use crate::domain::scope::Scope;
 use crate::domain::task::require_form;
@@ -89,7 +90,10 @@ pub async fn rating_forms(_by: Member) -> Json<PageResponse<FormInfo>> {
 #[utoipa::path(get, path = "/sessions/{id}/ratings", tag = "ratings",
     params(("id" = String, Path, description = "id")), responses((status = OK, body = RatingsResponse)))]
 pub async fn ratings(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<RatingsResponse>> {
-    Ok(Json(app.ratings_of(&by.scope, at.id()?).await?))
+    let session = at.id()?;
+    let ratings = app.ratings_of(&by.scope, session).await?;
+    app.note_access(&by.scope, session, AccessedPart::Remarks);
+    Ok(Json(ratings))
 }
 
 impl App {

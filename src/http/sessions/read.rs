@@ -9,6 +9,7 @@ use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
 use super::show::SessionResponse;
+use crate::domain::access::AccessedPart;
 use crate::domain::blob::BlobHash;
 use crate::domain::feed::close_reason::CloseCode;
 use crate::domain::scope::Scope;
@@ -187,6 +188,7 @@ pub async fn count(
     responses((status = OK, body = SessionResponse)))]
 pub async fn get(State(app): State<App>, by: Member, at: PathKey) -> HandlerResult<Json<SessionResponse>> {
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
+    app.note_access(&by.scope, session.id, AccessedPart::Result);
     let live = app.store.feeds().live_features(&by.scope, session.id).await?;
     let arrival = app.store.feeds().arrival(&by.scope, session.id).await?;
     let early_end = app.store.feeds().early_end(&by.scope, session.id).await?;

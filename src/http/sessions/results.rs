@@ -5,6 +5,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
+use crate::domain::access::AccessedPart;
 use crate::domain::session::Versions;
 use crate::http::auth::signed_in::Member;
 use crate::http::error::HandlerResult;
@@ -40,7 +41,9 @@ pub async fn results(
     by: Member,
     at: PathKey,
 ) -> HandlerResult<Json<PageResponse<ResultSummary>>> {
-    let results = app.store.sessions().results(&by.scope, at.id()?, MAX_RESULTS).await?;
+    let session = at.id()?;
+    let results = app.store.sessions().results(&by.scope, session, MAX_RESULTS).await?;
+    app.note_access(&by.scope, session, AccessedPart::Result);
     let shown = results.into_iter().enumerate().map(|(place, result)| ResultSummary::of(result, place == 0));
     Ok(Json(PageResponse::whole(shown)))
 }

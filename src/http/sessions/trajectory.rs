@@ -12,6 +12,7 @@ use super::files::FileOwner;
 use crate::analysis::edits::EditedRows;
 use crate::analysis::paths::PathKind;
 use crate::analysis::stored_rows::StoredPaths;
+use crate::domain::access::AccessedPart;
 use crate::domain::edit::EditChange;
 use crate::domain::files::trajectory::{BoxedRows, CsvPieces, JsonPieces, ParquetPieces, ThinnedRows, Thinning};
 use crate::http::auth::signed_in::Member;
@@ -105,6 +106,7 @@ pub async fn trajectory(
     // Before anything is read: during the wait the session may be tracked again, or the caller may lose access.
     let slot = app.heavy_answers.take(&by.scope).await?;
     let (result, in_force) = app.result_with_edits(&by.scope, id).await?;
+    app.note_access(&by.scope, id, AccessedPart::Path);
     if result.versions.calibration.is_none() && !matches!(wanted.kind, PathVariant::Smoothed) {
         return Err(Refusal::Conflict.with("An imported session has only one path. Request it with `kind=smoothed`."));
     }

@@ -1,17 +1,25 @@
 //! Trainees. A caller sees the trainees in the own scope; staff register, change and erase trainees.
 
+mod access;
+mod consent;
 mod enrol;
 mod erasures;
 mod invitations;
 mod progress;
+mod retention;
 mod xapi;
 
+use std::collections::HashMap;
+
+pub use access::*;
 use axum::extract::State;
 use axum::http::StatusCode;
+pub use consent::*;
 pub use enrol::*;
 pub use erasures::*;
 pub use invitations::*;
 pub use progress::*;
+pub use retention::*;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 pub use xapi::*;
@@ -21,6 +29,7 @@ use super::error::HandlerResult;
 use super::read::{Json, Params, PathKey};
 use super::show::{Created, PageResponse, Paging, Time};
 use super::state::App;
+use crate::domain::consent::ConsentState;
 use crate::domain::scope::Scope;
 use crate::domain::text::{Code, Name};
 use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
@@ -38,6 +47,8 @@ pub struct TraineeResponse {
     created_at: Time,
     /// True if the caller may erase the trainee. Only an administrator erases one who is in several groups.
     may_erase: bool,
+    /// Whether the trainee consents to recordings; `null` in answers to changes.
+    consent: Option<ConsentState>,
 }
 
 impl TraineeResponse {
@@ -45,7 +56,12 @@ impl TraineeResponse {
     pub fn new(trainee: store::TraineeRecord, scope: &Scope) -> Self {
         let store::TraineeRecord { id, code, name, level, handedness, created_at_ms, is_in_several_groups } = trainee;
         let may_erase = scope.may_erase_trainee(is_in_several_groups);
-        Self { id, code, name, level, handedness, created_at: Time(created_at_ms), may_erase }
+        Self { id, code, name, level, handedness, created_at: Time(created_at_ms), may_erase, consent: None }
+    }
+
+    /// The same with what is known of their consent.
+    fn with_consent(self, states: &HashMap<TraineeId, ConsentState>) -> Self {
+        Self { consent: states.get(&self.id).copied(), ..self }
     }
 }
 
@@ -59,7 +75,9 @@ pub async fn list(
 ) -> HandlerResult<Json<PageResponse<TraineeResponse>>> {
     let page = paging.request("trainees", app.settings.page_items)?;
     let trainees = app.store.trainees().list(&by.scope, &page).await?;
-    Ok(Json(PageResponse::of(trainees, |trainee| TraineeResponse::new(trainee, &by.scope))))
+    let ids: Vec<TraineeId> = trainees.items.iter().map(|trainee| trainee.id).collect();
+    let states = app.store.consents().states(&by.scope, &ids).await?;
+    Ok(Json(PageResponse::of(trainees, |trainee| TraineeResponse::new(trainee, &by.scope).with_consent(&states))))
 }
 
 /// Register a trainee
@@ -79,7 +97,8 @@ pub async fn create(
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = TraineeResponse)))]
 pub async fn get(State(app): State<App>, by: Member, PathKey(key): PathKey) -> HandlerResult<Json<TraineeResponse>> {
     let trainee = app.store.trainees().get(&by.scope, &key).await?;
-    Ok(Json(TraineeResponse::new(trainee, &by.scope)))
+    let states = app.store.consents().states(&by.scope, &[trainee.id]).await?;
+    Ok(Json(TraineeResponse::new(trainee, &by.scope).with_consent(&states)))
 }
 
 /// Change a trainee

@@ -46,6 +46,7 @@ pub async fn xapi(
         ..SessionFilter::default()
     };
     let found = app.store.sessions().list(&by.scope, &filter, &page).await?;
+    app.note_export(&by.scope, trainee.id);
     let (mut statements, mut standards) = (Vec::with_capacity(found.items.len()), HashMap::new());
     for session in &found.items {
         let Some(result) = app.store.sessions().result(&by.scope, session.id).await? else { continue };

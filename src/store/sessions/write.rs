@@ -4,6 +4,7 @@ use sqlx::sqlite::SqliteConnection;
 
 use super::super::audit::note;
 use super::super::columns::Insert;
+use super::super::consents::require_consent;
 use super::super::error::{StoreError, StoreResult, missing, not_found};
 use super::super::jobs::{self, enqueue_track};
 use super::super::retention::forget_box_jobs_of_session;
@@ -194,6 +195,7 @@ async fn insert_session(
 ) -> StoreResult<SessionId> {
     require_trainee(tx, scope, new.trainee).await?;
     refuse_duplicate(tx, &new, imported.as_ref()).await?;
+    require_consent(tx, new.trainee, now_ms).await?;
     blobs::record(tx, new.video, now_ms).await?;
     let id = SessionId::at(now_ms);
     let (recorded_at_ms, recorded_at_source) = match new.recorded_at_ms {

@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::update_copy::has_update_copy;
 use super::{Attempts, UpkeepError, UpkeepResult};
-use crate::store::{Store, StoreError};
+use crate::store::{MAX_ACCESS_ENTRIES, Store, StoreError, VideoAge};
 use crate::vault::Vault;
 
 /// Settings of retention.
@@ -19,15 +19,18 @@ pub struct RetentionSettings {
     /// Days for taking back the erasure of a trainee on the pages. More: a mistake is noticed in time; fewer:
     /// the data is gone earlier. 0: it is gone at once. Default 7.
     pub erase_days: u32,
+    /// Months for which the log of who opened whose recordings is kept. More: trainees can look back further; fewer: less
+    /// is stored about the staff. 0: as long as the trainee. Default 24.
+    pub access_log_months: u32,
 }
 
 impl Default for RetentionSettings {
     fn default() -> Self {
-        Self { videos_months: 0, erase_days: 7 }
+        Self { videos_months: 0, erase_days: 7, access_log_months: 24 }
     }
 }
 
-/// A twelfth of a year, ms.
+/// A twelfth of a year, ms; the statement of the store that selects old videos has the same number.
 const MONTH_MS: i64 = 2_629_800_000;
 /// Time for retrying a failed job of a box with the pictures that were sent, ms. A day: the person who sent
 /// them looks at the result within minutes, and the pictures may show a trainee.
@@ -36,14 +39,24 @@ const FAILED_PICTURES_MS: i64 = 24 * 3_600_000;
 const ROUND: u32 = 100;
 
 impl RetentionSettings {
-    /// Videos of sessions that arrived before this time are deleted; `None`: they are kept.
-    pub fn videos_before_ms(&self, now_ms: i64) -> Option<i64> {
-        (self.videos_months > 0).then(|| now_ms - i64::from(self.videos_months) * MONTH_MS)
+    /// The videos that are due at this time, with what is set for single trainees.
+    pub fn videos_at(&self, now_ms: i64) -> VideoAge {
+        VideoAge { now_ms, centre_months: self.videos_months }
     }
 
-    /// Videos of sessions that arrived before this time are deleted within the next 30 days; `None`: they are kept.
-    pub fn videos_of_next_month_before_ms(&self, now_ms: i64) -> Option<i64> {
-        self.videos_before_ms(now_ms + 30 * 86_400_000)
+    /// The videos that are due within the next 30 days.
+    pub fn videos_of_next_month(&self, now_ms: i64) -> VideoAge {
+        self.videos_at(now_ms + 30 * 86_400_000)
+    }
+
+    /// When a video is deleted that arrived at this time and is kept for these months, epoch ms; `None`: it is kept.
+    pub fn deleted_at_ms(arrived_ms: i64, months: u32) -> Option<i64> {
+        (months > 0).then(|| arrived_ms + i64::from(months) * MONTH_MS)
+    }
+
+    /// Entries of the log of who opened recordings are deleted that are from before this time, epoch ms.
+    fn access_log_before_ms(&self, now_ms: i64) -> i64 {
+        if self.access_log_months == 0 { 0 } else { now_ms - i64::from(self.access_log_months) * MONTH_MS }
     }
 
     /// Time for taking an erasure back; `None`: it cannot.
@@ -64,12 +77,11 @@ pub async fn apply_retention(
 ) -> UpkeepResult<()> {
     let mut steps = Attempts::default();
     steps.note(erase_due(store).await);
-    if let Some(before_ms) = settings.videos_before_ms(now_ms) {
-        // The earlier program knows no session without its video: it would report them as lost after the way back.
-        if steps.note(has_update_copy(vault)) == Some(false) {
-            steps.note(drop_videos(store, vault, before_ms).await);
-        }
+    // The earlier program knows no session without its video: it would report them as lost after the way back.
+    if steps.note(has_update_copy(vault)) == Some(false) {
+        steps.note(drop_videos(store, vault, settings.videos_at(now_ms)).await);
     }
+    steps.note(forget_accesses(store, settings.access_log_before_ms(now_ms)).await);
     let before_ms = now_ms - FAILED_PICTURES_MS;
     steps.note(store.retention().release_failed_pictures(before_ms).await.map_err(UpkeepError::from));
     steps.finish(())
@@ -87,11 +99,17 @@ async fn erase_due(store: &Store) -> UpkeepResult<()> {
     attempts.finish(())
 }
 
+/// Deletes what is not kept any longer of the log of who opened recordings.
+async fn forget_accesses(store: &Store, before_ms: i64) -> UpkeepResult<()> {
+    while store.access_log().forget(before_ms, MAX_ACCESS_ENTRIES).await? {}
+    Ok(())
+}
+
 /// Deletes old videos: row first, file second. A file that a crash leaves is removed at the next start.
-async fn drop_videos(store: &Store, vault: &Vault, before_ms: i64) -> UpkeepResult<()> {
+async fn drop_videos(store: &Store, vault: &Vault, age: VideoAge) -> UpkeepResult<()> {
     let mut attempts = Attempts::default();
     loop {
-        let dropped = store.retention().drop_videos(before_ms, ROUND).await?;
+        let dropped = store.retention().drop_videos(age, ROUND).await?;
         for hash in &dropped {
             // The same recording may just be sent again, which makes its file needed again.
             let is_free = async { UpkeepResult::Ok(!store.blobs().has(*hash).await?) };

@@ -11,14 +11,19 @@ use crate::domain::edit::EditChange;
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::job::{CalibrateInput, JobInput, JobKind, NamedBlob, PaletteInput};
 use crate::domain::palette::NewPalette;
+use crate::domain::personal_retention::kept_months;
 use crate::domain::problem::Problem;
+use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::domain::text::Key;
 use crate::ids::JobId;
 use crate::shutdown::Shutdown;
 use crate::store::testing::TestCentre;
-use crate::store::{EditBasis, Lease, Store, StoreError, StoreSettings};
+use crate::store::{
+    AccessKey, AccessedRecordings, EditBasis, HOUR_MS, Lease, NewAccess, PageRequest, Store, StoreError, StoreSettings,
+    VideoAge,
+};
 use crate::time::Clock;
 use crate::upkeep::{UPDATE_COPY_FOLDER, back_up, clear_up, recover};
 use crate::vision::surroundings::Surroundings;
@@ -92,8 +97,8 @@ async fn an_old_video_is_deleted_and_its_path_can_be_scored_again() {
     assert!(bench.path_of(old.video.unwrap()).exists(), "it is kept for three months");
     let (path, of_ana) =
         (store.sessions().result(&service, old.id).await.unwrap().unwrap().trajectory, old.video.unwrap());
-    let before_ms = months(2).videos_before_ms(bench.centre.clock.now_ms()).unwrap();
-    assert_eq!(store.retention().old_videos(before_ms).await.unwrap(), (1, 12));
+    let due = months(2).videos_at(bench.centre.clock.now_ms());
+    assert_eq!(store.retention().old_videos(due).await.unwrap(), (1, 12));
 
     bench.upkeep(&months(2)).await;
     assert!(!bench.path_of(of_ana).exists() && bench.path_of(young.video.unwrap()).exists());
@@ -140,8 +145,8 @@ async fn a_file_that_a_crash_left_of_a_dropped_video_is_removed_at_the_start() {
     let bench = UpkeepFixture::new().await;
     let old = bench.session(bench.centre.trainee("Ana").await.id, "an old video").await;
     bench.score(&old).await;
-    let later_ms = bench.centre.clock.now_ms() + 1;
-    let dropped = bench.centre.store.retention().drop_videos(later_ms, 9).await.unwrap();
+    let later = VideoAge { now_ms: bench.centre.clock.now_ms() + 40 * 86_400_000, centre_months: 1 };
+    let dropped = bench.centre.store.retention().drop_videos(later, 9).await.unwrap();
     assert_eq!(dropped, [old.video.unwrap()], "the crash comes before the file is deleted");
     recover(&bench.centre.store, &bench.vault).await.unwrap();
     assert!(!bench.path_of(old.video.unwrap()).exists());
@@ -312,4 +317,55 @@ async fn an_old_video_stays_while_the_copy_before_an_update_needs_it() {
     std::fs::remove_dir_all(copy.parent().unwrap()).unwrap();
     bench.upkeep(&months(2)).await;
     assert!(!bench.path_of(old.video.unwrap()).exists());
+}
+
+#[tokio::test]
+async fn the_statement_for_old_videos_follows_the_rule_of_the_months() {
+    let bench = UpkeepFixture::new().await;
+    let (store, service) = (&bench.centre.store, Scope::service());
+    let trainee = bench.centre.trainee("Ana").await.id;
+    let session = bench.session(trainee, "an old video").await;
+    bench.score(&session).await; // a job that waits still needs the video
+    let arrived_ms = session.created_at_ms;
+    for centre_months in [0, 1, 3, 6] {
+        for own in
+            [None, Some((0, None)), Some((0, Some("x"))), Some((3, None)), Some((3, Some("x"))), Some((9, Some("x")))]
+        {
+            let stored = own.map(|(months, reason)| (months, reason.map(|text: &str| text.parse().unwrap())));
+            store.personal_retention().set(&service, trainee, stored, (centre_months, 9)).await.unwrap();
+            let months = kept_months(centre_months, own.map(|(months, reason)| (months, reason.is_some())));
+            let deleted_at_ms = RetentionSettings::deleted_at_ms(arrived_ms, months);
+            for day in [1, 31, 92, 184, 275] {
+                let now_ms = arrived_ms + day * 86_400_000;
+                let due = store.retention().old_videos(VideoAge { now_ms, centre_months }).await.unwrap().0;
+                let is_due = deleted_at_ms.is_some_and(|at_ms| at_ms < now_ms);
+                assert_eq!(due, u64::from(is_due), "centre {centre_months}, own {own:?}, day {day}");
+            }
+        }
+    }
+}
+
+#[tokio::test]
+async fn the_access_log_forgets_old_entries_and_those_beyond_its_limit() {
+    let bench = UpkeepFixture::new().await;
+    let store = &bench.centre.store;
+    let trainee = bench.centre.trainee("Ana").await.id;
+    let session = bench.session(trainee, "a video").await.id;
+    let person = bench.centre.person("root", Role::Administrator, None).await;
+    let entry = |hour: i64| {
+        let opened = AccessedRecordings::Session(session);
+        let key = AccessKey { opened, person: person.id, role: Role::Administrator, token: None, hour };
+        NewAccess { key, at_ms: hour * HOUR_MS, parts: 1 }
+    };
+    let log = store.access_log();
+    log.write((0..10).map(entry).chain((0..10).map(entry)).collect()).await.unwrap();
+    let hours = async || {
+        let page = log.of_trainee(&Scope::service(), trainee, &PageRequest::default()).await.unwrap();
+        page.items.iter().map(|entry| entry.at_ms / HOUR_MS).collect::<Vec<_>>()
+    };
+    assert_eq!(hours().await, [9, 8, 7, 6, 5, 4, 3, 2, 1, 0], "each hour has one entry");
+    while log.forget(3 * HOUR_MS, 1_000).await.unwrap() {}
+    assert_eq!(hours().await, [9, 8, 7, 6, 5, 4, 3]);
+    while log.forget(0, 4).await.unwrap() {}
+    assert_eq!(hours().await, [9, 8, 7, 6]);
 }

@@ -44,7 +44,7 @@ const SERVICE: &[&[&str]] = &[WEB, DATABASE, VIDEO];
 /// The modules of the science. `http` shows stored results and computes none.
 const SCIENCE: [&str; 6] = ["numbers", "vision", "motion", "statistics", "simulation", "checks"];
 const SERVICES: &[&str] =
-    &["queue", "analysis", "intake", "live", "capture", "cohorts", "rescoring", "events", "upkeep"];
+    &["queue", "analysis", "intake", "live", "capture", "cohorts", "rescoring", "events", "access_log", "upkeep"];
 const RIM: &[&str] = &["http", "commands", "settings"];
 /// What a simulated camera delivers and where things are; not how the tracker finds them.
 const SCENE: &[&str] = &["vision::camera", "vision::space", "vision::frame", "vision::trajectory"];
@@ -75,6 +75,7 @@ const MODULES: &[Module] = &[
     Module { name: "cohorts", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "rescoring", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "events", layer: 4, beside: SERVICES, banned: SERVICE },
+    Module { name: "access_log", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "upkeep", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "settings", layer: 5, beside: RIM, banned: &[WEB, DATABASE, VIDEO] },
     Module { name: "http", layer: 5, beside: RIM, banned: &[DATABASE, VIDEO] },
