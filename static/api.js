@@ -373,8 +373,33 @@ export const api = {
     pending: signal => request('GET', ['pending-erasures'], { signal }).then(page => page.items),
     /** Takes an erasure back. @param {string} id */
     restore: id => request('POST', ['trainees', id, 'restore']),
+    /** Whether the trainee consents to recordings, with all decisions. @param {string} id @param {AbortSignal} [signal] */
+    consent: (id, signal) => request('GET', ['trainees', id, 'consent'], { signal }),
+    /** @param {string} id @param {ApiBody<'POST', ['trainees', string, 'consents']>} json */
+    recordConsent: (id, json) => request('POST', ['trainees', id, 'consents'], { json }),
+    /** How long the trainee's videos are kept. @param {string} id @param {AbortSignal} [signal] */
+    retention: (id, signal) => request('GET', ['trainees', id, 'retention'], { signal }),
+    /** What another time would delete at once. @param {string} id @param {ApiBody<'POST', ['trainees', string, 'retention', 'preview']>} json */
+    previewRetention: (id, json) => request('POST', ['trainees', id, 'retention', 'preview'], { json }),
+    /** @param {string} id @param {ApiBody<'PUT', ['trainees', string, 'retention']>} json */
+    setRetention: (id, json) => request('PUT', ['trainees', id, 'retention'], { json }),
+    /**
+     * Who looked at the trainee's recordings.
+     * @param {string} id @param {ApiQueryOf<'GET', ['trainees', string, 'access-entries']>} [query] @param {AbortSignal} [signal]
+     */
+    accessEntries: (id, query, signal) => request('GET', ['trainees', id, 'access-entries'], { query, signal }),
     /** @param {string} id @param {boolean} videos */
     dataAddress: (id, videos) => address(['trainees', id, 'data.zip'], { videos: String(videos) }),
+  },
+  consentTexts: {
+    /** The published versions, newest first. @param {AbortSignal} [signal] */
+    all: signal => request('GET', ['consent-texts'], { signal }).then(page => page.items),
+    /** @param {ApiBody<'POST', ['consent-texts']>} json */
+    publish: json => request('POST', ['consent-texts'], { json }),
+    /** @param {string} id @param {ApiBody<'PATCH', ['consent-texts', string]>} json */
+    change: (id, json) => request('PATCH', ['consent-texts', id], { json }),
+    /** The trainees that requiring a version would touch; without `text`, one that is not published yet. @param {string} [text] */
+    effect: text => request('GET', ['consent-texts', 'effect'], { query: { text } }),
   },
   boxes: {
     ...resource('boxes'),

@@ -4,12 +4,13 @@
 (() => {
   const MODULES = {
     today: `
-      format.js pages/today.js parts/courses/course_state.js parts/courses/own_courses.js parts/guide/first_steps.js
+      format.js pages/today.js parts/courses/course_state.js parts/courses/own_courses.js parts/forms/dialog.js
+      parts/guide/first_steps.js parts/people/consent.js
       parts/guide/guide_state.js parts/page/recorded_at.js parts/page/status.js parts/people/attention.js
       parts/people/trainee_home.js parts/session/compared_space.js parts/session/evidence.js
       parts/session/feature_notes.js parts/session/outcome_card.js with_error.js`,
     session: `
-      format.js pages/session.js parts/forms/dialog.js parts/live/interrupted.js parts/live/light.js
+      format.js pages/session.js parts/people/consent.js parts/forms/dialog.js parts/live/interrupted.js parts/live/light.js
       parts/live/live_screen.js parts/live/live_space.js parts/live/live_tools.js parts/live/live_track.js
       parts/live/live_view.js parts/live/placement.js parts/page/recorded_at.js parts/page/status.js
       parts/playback/chunk_loader.js parts/playback/curves.js parts/playback/orbit.js parts/playback/overlay.js
@@ -26,8 +27,9 @@
     trainee: `
       csv.js format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js
       parts/charts/progress_plot.js parts/courses/course_state.js parts/courses/own_courses.js
-      parts/page/recorded_at.js parts/page/save_table.js parts/page/status.js parts/people/own_data.js
-      parts/people/progress_summary.js parts/people/strengths.js parts/tasks/hand_choice.js
+      parts/page/recorded_at.js parts/page/save_table.js parts/page/status.js parts/forms/dialog.js
+      parts/people/access_entries.js parts/people/consent.js parts/people/own_data.js
+      parts/people/progress_summary.js parts/people/retention.js parts/people/strengths.js parts/tasks/hand_choice.js
       parts/tasks/space_choice.js parts/tasks/standard.js with_error.js`,
     task: `
       format.js pages/task.js parts/charts/axis.js parts/charts/spread_plot.js parts/forms/dialog.js

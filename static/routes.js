@@ -27,6 +27,7 @@ const PAGES = [
   { pattern: '/boxes/:id', nav: 'boxes', needs: 'see_boxes', load: () => import('./pages/box.js') },
   { pattern: '/boxes/:id/setup', nav: 'boxes', needs: 'edit_boxes', load: () => import('./pages/setup.js') },
   { pattern: '/people', nav: 'people', needs: 'people', load: () => import('./pages/people.js') },
+  { pattern: '/consent', nav: 'people', needs: 'people', load: () => import('./pages/consent_texts.js') },
   { pattern: '/service', nav: 'people', needs: 'people', load: () => import('./pages/service.js') },
   { pattern: '/centre', nav: 'people', needs: 'people', load: () => import('./pages/centre.js') },
   { pattern: '/first-steps', nav: 'today', needs: 'see_trainees', load: () => import('./pages/first_steps.js') },

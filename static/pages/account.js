@@ -7,10 +7,14 @@ import { Form } from '../parts/forms/form.js';
 import { LanguageChoice } from '../parts/page/language.js';
 import { Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { NEW_PASSWORD_FIELDS, newPassword } from '../parts/people/new_password.js';
+import { AccessEntries } from '../parts/people/access_entries.js';
+import { ConsentCard } from '../parts/people/consent.js';
 import { OwnData } from '../parts/people/own_data.js';
 import { SharedDevice } from '../parts/people/shared_device.js';
 import { OwnSignIns, OwnTokens } from '../parts/people/own_access.js';
 import { OwnIdentities } from '../parts/people/single_sign_on.js';
+import { RetentionCard } from '../parts/people/retention.js';
+import { traineeId } from '../parts/page/shell.js';
 import { isRecording } from '../record/current_recording.js';
 import { t } from '../texts.js';
 
@@ -64,9 +68,12 @@ export default function Account({ person, onSignOut }) {
       </section>`}
       <${SharedDevice} />
       ${data && html`<${OwnIdentities} person=${person} items=${data.identities} onChange=${reload} />`}
-      ${person.trainee && html`<${OwnData} trainee=${person.trainee} />`}
+      ${person.trainee && html`<${ConsentCard} trainee=${traineeId(person)} isOwn />
+        <${RetentionCard} trainee=${traineeId(person)} />
+        <${OwnData} trainee=${person.trainee} />`}
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       ${data && html`<${OwnSignIns} items=${data.signIns} onEnd=${id => api.own.endSignIn(id).then(reload, reload)} />
         <${OwnTokens} items=${data.tokens} onRemove=${id => api.own.removeToken(id).then(reload)} />`}
+      ${person.trainee && html`<${AccessEntries} trainee=${traineeId(person)} isOwn />`}
     </div>`;
 }

@@ -126,7 +126,7 @@ export default function People({ person }) {
     onChange: reload,
   });
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['service'])}>${t.nav.service}</a>${data && html`<${AddButton} label=${words.add}
+    <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['consent'])}>${t.consentTexts.title}</a><a class="button" href=${href(['service'])}>${t.nav.service}</a>${data && html`<${AddButton} label=${words.add}
       onClick=${edit.add} />`}<//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     ${!data && !problem && html`<${Loading} />`}

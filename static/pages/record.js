@@ -73,7 +73,7 @@ function Recorder({ person, route }) {
         <div class="stack">
           <${RecordView} recording=${recording} camera=${camera} watch=${watch}
             isReady=${camera.stream && target.lists && !isStarting} onPress=${press} />
-          ${startRefused && !target.ids && html`<${TargetNeeded} />`}
+          ${startRefused && !target.ids && html`<${TargetNeeded} refused=${target.refused} />`}
         </div>
         <div class="stack">
           <${RecordNotices} recording=${recording} />

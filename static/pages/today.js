@@ -12,6 +12,7 @@ import { FirstSteps } from '../parts/guide/first_steps.js';
 import { useHidden } from '../parts/guide/followed.js';
 import { useFirstSteps } from '../parts/guide/guide_state.js';
 import { Attention } from '../parts/people/attention.js';
+import { ConsentAsked } from '../parts/people/consent.js';
 import { icons } from '../parts/page/icons.js';
 import { Announce, Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { OwnCourses } from '../parts/courses/own_courses.js';
@@ -78,7 +79,11 @@ function Overview({ person, hiddenGuide }) {
   const reloadSoon = useThrottled(reload, 700);
   const scored = useScored();
   const trainee = traineeId(person);
-  const own = useData(async signal => (trainee ? api.trainees.courses(trainee, signal) : []), []);
+  const own = useData(async signal => {
+    if (!trainee) return { courses: [], consent: null };
+    const [courses, consent] = await Promise.all([api.trainees.courses(trainee, signal), api.trainees.consent(trainee, signal)]);
+    return { courses, consent };
+  }, []);
   const [isAttentionLoaded, setAttentionLoaded] = useState(false);
 
   useLive('resync', () => {
@@ -115,7 +120,8 @@ function Overview({ person, hiddenGuide }) {
     <//>
     <${ProblemNotice} problem=${failed?.problem} onRetry=${failed?.reload} />
     <${Announce}>${announcement}<//>
-    ${trainee && own.data && html`<div class="stack own-courses"><${OwnCourses} trainee=${trainee} first=${own.data} brief /></div>`}
+    <${ConsentAsked} consent=${own.data?.consent} />
+    ${trainee && own.data && html`<div class="stack own-courses"><${OwnCourses} trainee=${trainee} first=${own.data.courses} brief /></div>`}
     ${trainee && html`<${TraineeHome} person=${person} session=${scored.items?.[0]} />`}
     ${!trainee && html`<dl class="figures">
       <${Figure} name=${words.queued} value=${shownCounts?.queued ?? count('queued')} />

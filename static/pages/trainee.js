@@ -5,9 +5,13 @@ import { csvTime } from '../csv.js';
 import { useData, useThrottled } from '../data.js';
 import { dateTime, unit } from '../format.js';
 import { useLive } from '../live.js';
+import { may } from '../roles.js';
 import { href, replace } from '../router.js';
 import { t } from '../texts.js';
 import { featureTitle, featureWithTool } from '../translate.js';
+import { AccessEntries } from '../parts/people/access_entries.js';
+import { ConsentCard } from '../parts/people/consent.js';
+import { RetentionCard } from '../parts/people/retention.js';
 import { StrengthsAndWeaknesses } from '../parts/people/strengths.js';
 import { Field } from '../parts/forms/form.js';
 import { MonitorCharts } from '../parts/charts/monitor_chart.js';
@@ -26,7 +30,7 @@ const words = t.trainee;
 const NO_COHORT = '-'; // In the address: no cohort.
 
 /** @param {Props} props */
-export default function Trainee({ route }) {
+export default function Trainee({ person, route }) {
   const { id } = route.params;
   const {
     data: base,
@@ -55,7 +59,10 @@ export default function Trainee({ route }) {
       <${OwnCourses} trainee=${id} first=${base.courses} />
       <div>${tasks.length ? html`<${Progress} id=${id} base=${base} route=${route} />`
         : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}</div>
+      ${may(person, 'edit_trainees') && html`<div class="columns"><${ConsentCard} trainee=${trainee.id} mayEdit />
+        <${RetentionCard} trainee=${trainee.id} name=${trainee.name} mayEdit /></div>`}
       <${OwnData} trainee=${id} />
+      ${may(person, 'people') && html`<${AccessEntries} trainee=${trainee.id} />`}
     </div>`;
 }
 

@@ -7,6 +7,7 @@ import { href } from '../router.js';
 import { t } from '../texts.js';
 import { Field } from '../parts/forms/form.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
+import { LacksConsent } from '../parts/people/consent.js';
 import { EraseDialog, PendingErasures } from '../parts/people/erasures.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 
@@ -78,7 +79,7 @@ export default function Trainees({ person }) {
             <tbody>
               ${shown.map(trainee => html`
                 <tr key=${trainee.id}>
-                  <th scope="row"><a class="cover" href=${href(['trainees', trainee.id])}>${trainee.name}</a></th>
+                  <th scope="row"><a class="cover" href=${href(['trainees', trainee.id])}>${trainee.name}</a><${LacksConsent} state=${trainee.consent} /></th>
                   <td class="code">${trainee.code}</td>
                   <td>${(trainee.level && words.levels[trainee.level]) ?? '–'}</td>
                   <td>${(trainee.handedness && words.hands[trainee.handedness]) ?? '–'}</td>

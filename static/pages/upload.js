@@ -72,7 +72,7 @@ function Target({ target, mayRetime }) {
           </div>
         </details>`}
         <${Drop} onFiles=${take} />
-        ${filesRefused && !target.ids && html`<${TargetNeeded} />`}
+        ${filesRefused && !target.ids && html`<${TargetNeeded} refused=${target.refused} />`}
       </div>
     </section>`;
 }

@@ -41,7 +41,7 @@ export function ImportTable({ target }) {
             <${Field} label=${words.tracker} hint=${words.trackerHint} required maxlength="40" inputRef=${tracker} />
             <${Field} type="datetime-local" label=${words.when} hint=${words.whenHint} inputRef=${when} />
           </div>
-          ${state.needs && !target.ids && html`<${TargetNeeded} />`}
+          ${state.needs && !target.ids && html`<${TargetNeeded} refused=${target.refused} />`}
           <${ProblemNotice} problem=${state.problem} />
           ${state.session && html`<${Notice} tone="good" title=${words.done}><a href=${href(['sessions', state.session.id])}>${words.open}</a><//>`}
           <div><button class="button main" type="submit" disabled=${state.busy}>${state.busy ? words.sending : words.send}</button></div>

@@ -7,6 +7,7 @@ import { href, replace } from '../../router.js';
 import { rememberTarget } from '../../shared_device.js';
 import { t } from '../../texts.js';
 import { Field } from '../forms/form.js';
+import { ConsentNotice, isRefused } from '../people/consent.js';
 import { icons } from '../page/icons.js';
 import { Notice } from '../page/notice.js';
 import { traineeId } from '../page/shell.js';
@@ -28,7 +29,7 @@ export function useRecordingTarget({ person, route }) {
     const trainees = own
       ? api.trainees.get(own).then(
           one => [one],
-          () => [{ id: own, name: person.trainee?.name ?? person.name }],
+          () => [{ id: own, name: person.trainee?.name ?? person.name, consent: null }],
         )
       : api.trainees.all();
     const [trainee, task, boxes] = await Promise.all([trainees, api.tasks.all(), api.boxes.all()]);
@@ -44,8 +45,10 @@ export function useRecordingTarget({ person, route }) {
     const found = KINDS.map(kind => lists?.[kind === 'box' ? 'boxes' : kind].find(item => item.id === ids[kind])?.name);
     return found.every(Boolean) ? words.forWhom(.../** @type {[string, string, string]} */ (found)) : '';
   };
-  const ids = isTargetComplete ? ofEach('id') : null;
-  return { lists, problem, reload, chosen, set, ids, names: ids && namesOf(ids), namesOf };
+  // The service refuses recordings of a trainee who does not consent.
+  const refused = chosen.trainee && isRefused(chosen.trainee.consent) ? chosen.trainee : null;
+  const ids = isTargetComplete && !refused ? ofEach('id') : null;
+  return { isOwn: own !== null, refused, lists, problem, reload, chosen, set, ids, names: ids && namesOf(ids), namesOf };
 }
 
 /** Whether a recording in this box is measured at once: its camera is calibrated, and its tools are marked. */
@@ -59,7 +62,8 @@ const findItem = (list = [], key) =>
   list.find(item => item.id === key || item.code === key) ?? (list.length === 1 ? list[0] : null);
 
 /** The three selects; a kind without any items is reported above them. */
-export const RecordingTargetFields = ({ target: { lists, chosen, set } }) => html`
+export const RecordingTargetFields = ({ target: { lists, chosen, set, refused, isOwn } }) => html`
+  ${refused && html`<div class="wide"><${ConsentNotice} trainee=${refused} isOwn=${isOwn} /></div>`}
   ${KINDS.filter(kind => lists[kind].length === 0).map(kind => html`
     <div key=${kind} class="wide">${kind === 'box' && lists.boxes.length ? html`<${Notice} tone="warn" title=${words.noneReady} />` : html`
       <${Notice} tone="warn" title=${words.missing[kind]}><a href=${href([PAGES[kind]])}>${words.make}</a><//>`}</div>`)}
@@ -71,6 +75,6 @@ const optionName = (kind, item) => (kind === 'box' ? boxName(item) : item.name);
 /** The name of a box in a list, with the note that it is not set up. */
 export const boxName = box => (isBoxReady(box) ? box.name : words.notSetUp(box.name));
 
-/** Shown when a person continues without having chosen. */
-export const TargetNeeded = () => html`
-  <p class="notice warn" role="alert"><${icons.warning} /><strong>${words.need}</strong></p>`;
+/** Shown when a person continues without having chosen, or with a trainee who does not consent. @param {Props} props */
+export const TargetNeeded = ({ refused }) => html`
+  <p class="notice warn" role="alert"><${icons.warning} /><strong>${refused ? words.refused(refused.name) : words.need}</strong></p>`;
