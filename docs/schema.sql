@@ -1,6 +1,18 @@
 -- The schema of a fresh database, as SQLite stores it once all files of migrations/ were applied: tables, indexes,
 -- triggers, views. `make schema` writes this file and a test compares it. migrations/README.md has the conventions.
 
+CREATE TABLE access_entry (
+    id         INTEGER PRIMARY KEY,                                             -- order of writing
+    trainee_id TEXT NOT NULL REFERENCES trainee (id) ON DELETE CASCADE,         -- whose recordings; follows the session
+    session_id TEXT REFERENCES session (id) ON DELETE SET NULL,                 -- NULL: an export of all, or the session was erased
+    person_id  TEXT REFERENCES person (id) ON DELETE SET NULL,                  -- who; NULL: the account was deleted
+    role       TEXT NOT NULL CHECK (role IN ('administrator', 'instructor')),   -- the role that it was opened with
+    program    TEXT NOT NULL,                                                   -- name of the token that a program used; empty: a browser
+    hour       INTEGER NOT NULL CHECK (hour >= 0),                              -- hours since 1970-01-01 UTC
+    at_ms      INTEGER NOT NULL CHECK (at_ms >= 0),                             -- first time in this hour, epoch ms
+    parts      INTEGER NOT NULL CHECK (parts BETWEEN 1 AND 31)                  -- what was opened: sum of the numbers of AccessedPart
+) STRICT;
+
 CREATE TABLE attention_dismissal (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- DismissalId
     person_id     TEXT NOT NULL REFERENCES person (id) ON DELETE CASCADE,    -- whose list
@@ -18,18 +30,6 @@ CREATE TABLE attention_dismissal_session (
     session_id   TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,    -- a session that it covers
     PRIMARY KEY (dismissal_id, session_id)
 ) STRICT, WITHOUT ROWID;
-
-CREATE TABLE access_entry (
-    id         INTEGER PRIMARY KEY,                                             -- order of writing
-    trainee_id TEXT NOT NULL REFERENCES trainee (id) ON DELETE CASCADE,         -- whose recordings; follows the session
-    session_id TEXT REFERENCES session (id) ON DELETE SET NULL,                 -- NULL: an export of all, or the session was erased
-    person_id  TEXT REFERENCES person (id) ON DELETE SET NULL,                  -- who; NULL: the account was deleted
-    role       TEXT NOT NULL CHECK (role IN ('administrator', 'instructor')),   -- the role that it was opened with
-    program    TEXT NOT NULL,                                                   -- name of the token that a program used; empty: a browser
-    hour       INTEGER NOT NULL CHECK (hour >= 0),                              -- hours since 1970-01-01 UTC
-    at_ms      INTEGER NOT NULL CHECK (at_ms >= 0),                             -- first time in this hour, epoch ms
-    parts      INTEGER NOT NULL CHECK (parts BETWEEN 1 AND 31)                  -- what was opened: sum of the numbers of AccessedPart
-) STRICT;
 
 CREATE TABLE audit (
     id      INTEGER PRIMARY KEY AUTOINCREMENT,                               -- order of writing, never used again
@@ -613,13 +613,6 @@ CREATE TABLE upload (
     CHECK (session_id IS NULL OR received = length)
 ) STRICT;
 
-CREATE INDEX attention_dismissal_person ON attention_dismissal (person_id, kind, trainee_id, task_id);
-
-CREATE INDEX attention_dismissal_task ON attention_dismissal (task_id);
-
-CREATE INDEX attention_dismissal_trainee ON attention_dismissal (trainee_id);
-
-CREATE INDEX attention_dismissal_session_session ON attention_dismissal_session (session_id);
 CREATE INDEX access_entry_at ON access_entry (at_ms);
 
 CREATE UNIQUE INDEX access_entry_once ON access_entry (session_id, person_id, program, hour);
@@ -627,6 +620,14 @@ CREATE UNIQUE INDEX access_entry_once ON access_entry (session_id, person_id, pr
 CREATE INDEX access_entry_person ON access_entry (person_id);
 
 CREATE INDEX access_entry_trainee ON access_entry (trainee_id, id);
+
+CREATE INDEX attention_dismissal_person ON attention_dismissal (person_id, kind, trainee_id, task_id);
+
+CREATE INDEX attention_dismissal_task ON attention_dismissal (task_id);
+
+CREATE INDEX attention_dismissal_trainee ON attention_dismissal (trainee_id);
+
+CREATE INDEX attention_dismissal_session_session ON attention_dismissal_session (session_id);
 
 CREATE INDEX audit_address ON audit (actor) WHERE address IS NOT NULL;
 
@@ -642,7 +643,6 @@ CREATE INDEX comment_person ON comment (person_id);
 
 CREATE INDEX comment_session ON comment (session_id, from_s);
 
-CREATE INDEX cookie_session_identity ON cookie_session (identity_id) WHERE identity_id IS NOT NULL;
 CREATE INDEX consent_of_text ON consent (text_id);
 
 CREATE INDEX consent_person ON consent (person_id);
@@ -650,6 +650,8 @@ CREATE INDEX consent_person ON consent (person_id);
 CREATE INDEX consent_trainee ON consent (trainee_id);
 
 CREATE INDEX consent_text_person ON consent_text (person_id);
+
+CREATE INDEX cookie_session_identity ON cookie_session (identity_id) WHERE identity_id IS NOT NULL;
 
 CREATE INDEX cookie_session_person ON cookie_session (person_id);
 
