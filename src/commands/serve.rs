@@ -226,19 +226,7 @@ pub async fn start(
     let shutdown = Shutdown::new();
     let (storage, jobs) = ((store.clone(), vault.clone()), (queue.clone(), events.clone()));
     let intake = Intake::new(storage, jobs, clock.clone(), shutdown.clone(), settings.uploads.clone());
-    let feeds = FeedService::new(live::FeedServiceParts {
-        store: store.clone(),
-        vault: vault.clone(),
-        queue: queue.clone(),
-        events: events.clone(),
-        clock: clock.clone(),
-        shutdown: shutdown.clone(),
-        settings: settings.live.clone(),
-        analysis: settings.analysis.clone(),
-        program: child.clone(),
-        open: OpenFeeds::default(),
-        cpu_slots: Arc::default(),
-    });
+    let feeds = feed_service((&store, &vault), (&queue, &events), (&clock, &shutdown), (&settings, &child));
     let quick_analysis =
         QuickAnalysis::new(vault.clone(), child.clone(), settings.analysis.clone(), clock.clone(), shutdown.clone());
     let parts = AppParts {
@@ -281,6 +269,28 @@ pub async fn start(
     let (address, redirect_address) = (listeners.address(), listeners.redirect_address());
     let served = listeners.serve(certificate, app.clone()).context("starting TLS")?;
     Ok(RunningService { address, redirect_address, shutdown, is_first_start: is_first, app, served, _lock: lock })
+}
+
+/// The live feeds of this service.
+fn feed_service(
+    (store, vault): (&Store, &Vault),
+    (queue, events): (&Queue, &EventBus),
+    (clock, shutdown): (&SharedClock, &Shutdown),
+    (settings, program): (&Settings, &Program),
+) -> FeedService {
+    FeedService::new(live::FeedServiceParts {
+        store: store.clone(),
+        vault: vault.clone(),
+        queue: queue.clone(),
+        events: events.clone(),
+        clock: clock.clone(),
+        shutdown: shutdown.clone(),
+        settings: settings.live.clone(),
+        analysis: settings.analysis.clone(),
+        program: program.clone(),
+        open: OpenFeeds::default(),
+        cpu_slots: Arc::default(),
+    })
 }
 
 /// Single sign-on, if the settings name a provider.
