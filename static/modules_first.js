@@ -5,17 +5,16 @@
   const MODULES = {
     today: `
       format.js pages/today.js parts/courses/course_state.js parts/courses/own_courses.js parts/forms/dialog.js
-      parts/guide/first_steps.js parts/people/consent.js
-      parts/guide/guide_state.js parts/page/recorded_at.js parts/page/status.js parts/people/attention.js
-      parts/people/trainee_home.js parts/session/compared_space.js parts/session/evidence.js
-      parts/session/feature_notes.js parts/session/outcome_card.js with_error.js`,
+      parts/guide/first_steps.js parts/guide/guide_state.js parts/page/recorded_at.js parts/page/status.js
+      parts/people/attention.js parts/people/consent.js parts/people/trainee_home.js parts/session/compared_space.js
+      parts/session/evidence.js parts/session/feature_notes.js parts/session/outcome_card.js with_error.js`,
     session: `
-      format.js pages/session.js parts/people/consent.js parts/forms/dialog.js parts/live/interrupted.js parts/live/light.js
+      format.js pages/session.js parts/forms/dialog.js parts/live/interrupted.js parts/live/light.js
       parts/live/live_screen.js parts/live/live_space.js parts/live/live_tools.js parts/live/live_track.js
       parts/live/live_view.js parts/live/placement.js parts/page/recorded_at.js parts/page/status.js
-      parts/playback/chunk_loader.js parts/playback/curves.js parts/playback/orbit.js parts/playback/overlay.js
-      parts/playback/path3d.js parts/playback/playback.js parts/playback/player.js parts/playback/plots.js
-      parts/playback/readouts.js parts/playback/space_painter.js parts/playback/track.js
+      parts/people/consent.js parts/playback/chunk_loader.js parts/playback/curves.js parts/playback/orbit.js
+      parts/playback/overlay.js parts/playback/path3d.js parts/playback/playback.js parts/playback/player.js
+      parts/playback/plots.js parts/playback/readouts.js parts/playback/space_painter.js parts/playback/track.js
       parts/recording/recording_target.js parts/session/advice.js parts/session/background.js
       parts/session/box_question.js parts/session/cohort_places.js parts/session/comments.js
       parts/session/compared_space.js parts/session/edit_dialog.js parts/session/edits.js parts/session/error_score.js
@@ -26,11 +25,11 @@
       parts/session/verdict.js parts/tasks/hand_choice.js watch.js with_error.js`,
     trainee: `
       csv.js format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js
-      parts/charts/progress_plot.js parts/courses/course_state.js parts/courses/own_courses.js
-      parts/page/recorded_at.js parts/page/save_table.js parts/page/status.js parts/forms/dialog.js
-      parts/people/access_entries.js parts/people/consent.js parts/people/own_data.js
-      parts/people/progress_summary.js parts/people/retention.js parts/people/strengths.js parts/tasks/hand_choice.js
-      parts/tasks/space_choice.js parts/tasks/standard.js with_error.js`,
+      parts/charts/progress_plot.js parts/courses/course_state.js parts/courses/own_courses.js parts/forms/dialog.js
+      parts/page/recorded_at.js parts/page/save_table.js parts/page/status.js parts/people/access_entries.js
+      parts/people/consent.js parts/people/own_data.js parts/people/progress_summary.js parts/people/retention.js
+      parts/people/strengths.js parts/tasks/hand_choice.js parts/tasks/space_choice.js parts/tasks/standard.js
+      with_error.js`,
     task: `
       format.js pages/task.js parts/charts/axis.js parts/charts/spread_plot.js parts/forms/dialog.js
       parts/forms/focus.js parts/page/status.js parts/session/error_score.js parts/tasks/error_list_form.js

@@ -129,7 +129,7 @@ const CODE_ARGUMENTS = {
   rows: [{ from_frame: 9, from_s: 0.3, to_frame: 10, to_s: 0.3333 }],
   moment: [83.2],
   invalid: ['12', '3', '40'],
-  problems: [{ field: 'trainee', limit: 5, limit_bytes: 2_000_000, reason: 'too_few_people', missing: { novice: 3, intermediate: 0, expert: 1 } }],
+  problems: [{ field: 'trainee', consent: 'missing', limit: 5, limit_bytes: 2_000_000, reason: 'too_few_people', missing: { novice: 3, intermediate: 0, expert: 1 } }],
   colours: [{ share: 0.123, label: 'background', light: '30 % darker', frame: 7, at: [1, 2], steps: [1.23, 4.56], largest_of_band: 0.7 }],
   selfTest: [{ light: 'green', figure: 0.123 }, { accuracy: { touches: 6, rms_mm: 1, along_rms_mm: 1, across_rms_mm: 1, largest_mm: 2 },
     holds: [{ not_counted: null }, { not_counted: 'board_moved' }], focal_change_percent: 0.1, focal_sigma_percent: 0.1 }],

@@ -47,7 +47,7 @@ pub struct TraineeResponse {
     created_at: Time,
     /// True if the caller may erase the trainee. Only an administrator erases one who is in several groups.
     may_erase: bool,
-    /// Whether the trainee consents to recordings; `null` in answers to changes.
+    /// Whether the trainee consents to recordings; `null` in lists of groups, courses, enrolments and in progress.
     consent: Option<ConsentState>,
 }
 
@@ -89,7 +89,8 @@ pub async fn create(
     Json(new): Json<NewTrainee>,
 ) -> HandlerResult<Created<TraineeResponse>> {
     let trainee = app.store.trainees().create(&by.scope, new).await?;
-    Ok(Created { location: format!("/api/v1/trainees/{}", trainee.id), made: TraineeResponse::new(trainee, &by.scope) })
+    let location = format!("/api/v1/trainees/{}", trainee.id);
+    Ok(Created { location, made: with_consent(&app, &by.scope, trainee).await? })
 }
 
 /// Read one trainee
@@ -97,8 +98,13 @@ pub async fn create(
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = TraineeResponse)))]
 pub async fn get(State(app): State<App>, by: Member, PathKey(key): PathKey) -> HandlerResult<Json<TraineeResponse>> {
     let trainee = app.store.trainees().get(&by.scope, &key).await?;
-    let states = app.store.consents().states(&by.scope, &[trainee.id]).await?;
-    Ok(Json(TraineeResponse::new(trainee, &by.scope).with_consent(&states)))
+    Ok(Json(with_consent(&app, &by.scope, trainee).await?))
+}
+
+/// The trainee with what is known of their consent.
+async fn with_consent(app: &App, scope: &Scope, trainee: store::TraineeRecord) -> HandlerResult<TraineeResponse> {
+    let states = app.store.consents().states(scope, &[trainee.id]).await?;
+    Ok(TraineeResponse::new(trainee, scope).with_consent(&states))
 }
 
 /// Change a trainee
@@ -112,7 +118,7 @@ pub async fn change(
     Json(change): Json<TraineeChange>,
 ) -> HandlerResult<Json<TraineeResponse>> {
     let trainee = app.store.trainees().change(&by.scope, &key, change).await?;
-    Ok(Json(TraineeResponse::new(trainee, &by.scope)))
+    Ok(Json(with_consent(&app, &by.scope, trainee).await?))
 }
 
 /// How a trainee is erased.
