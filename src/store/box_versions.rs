@@ -24,7 +24,7 @@ pub struct UsedVersion {
     pub created_at_ms: i64,
     /// Recordings from then on are tracked with it, epoch ms.
     pub valid_from_ms: i64,
-    /// True if the recording is older than this version's valid time: the box had no version at that time.
+    /// True if the box had no version when the recording was made, nor within [`SET_UP_MS`] after it.
     pub is_later: bool,
     /// The version that the recording would be tracked with now, if it is another one.
     pub valid_version: Option<i64>,
@@ -39,9 +39,13 @@ pub struct SessionSetup {
     pub palette: UsedVersion,
 }
 
+/// How long after a recording the first set-up of its box may be made and count as that of the recording, ms. The clip on
+/// which the tools are marked is recorded before the set-up, which takes hours at most.
+const SET_UP_MS: i64 = 24 * 3_600_000;
+
 const SELECT_USED_CALIBRATION: &str = "
     SELECT used.version, used.created_at_ms, coalesce(used.valid_from_ms, used.created_at_ms) AS valid_from_ms,
-           coalesce(used.valid_from_ms, used.created_at_ms) > setup.made_at_ms AS is_later,
+           coalesce(used.valid_from_ms, used.created_at_ms) > setup.made_at_ms + $2 AS is_later,
            nullif((SELECT version FROM calibration WHERE id = setup.calibration_id), used.version) AS valid_version
     FROM session JOIN current_result AS result ON result.session_id = session.id
     JOIN valid_setup AS setup ON setup.session_id = session.id
@@ -50,7 +54,7 @@ const SELECT_USED_CALIBRATION: &str = "
 
 const SELECT_USED_PALETTE: &str = "
     SELECT used.version, used.created_at_ms, coalesce(used.valid_from_ms, used.created_at_ms) AS valid_from_ms,
-           coalesce(used.valid_from_ms, used.created_at_ms) > setup.made_at_ms AS is_later,
+           coalesce(used.valid_from_ms, used.created_at_ms) > setup.made_at_ms + $2 AS is_later,
            nullif((SELECT version FROM palette WHERE id = setup.palette_id), used.version) AS valid_version
     FROM session JOIN current_result AS result ON result.session_id = session.id
     JOIN valid_setup AS setup ON setup.session_id = session.id
@@ -67,8 +71,13 @@ impl BoxVersionStore<'_> {
     pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<Option<SessionSetup>> {
         self.0.sessions().get(scope, session).await?;
         let mut snapshot = self.0.readers().begin().await?;
-        let calibration = sqlx::query_as(SELECT_USED_CALIBRATION).bind(session).fetch_optional(&mut *snapshot).await?;
-        let palette = sqlx::query_as(SELECT_USED_PALETTE).bind(session).fetch_optional(&mut *snapshot).await?;
+        let calibration = sqlx::query_as(SELECT_USED_CALIBRATION)
+            .bind(session)
+            .bind(SET_UP_MS)
+            .fetch_optional(&mut *snapshot)
+            .await?;
+        let palette =
+            sqlx::query_as(SELECT_USED_PALETTE).bind(session).bind(SET_UP_MS).fetch_optional(&mut *snapshot).await?;
         snapshot.rollback().await?;
         Ok(calibration.zip(palette).map(|(calibration, palette)| SessionSetup { calibration, palette }))
     }

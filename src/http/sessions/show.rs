@@ -199,8 +199,8 @@ pub struct UsedVersionResponse {
     created_at: Time,
     /// Since when it is valid: `created_at`, unless staff stated another time.
     valid_from: Time,
-    /// True if the recording is older: the box had no version at that time. The lengths are right only if the box was the
-    /// same then.
+    /// True if the recording is more than a day older: the box had no version at that time. The lengths are right only if
+    /// the box was the same then.
     is_later: bool,
     /// The version that the recording would be tracked with now; `null` if it is this one. `POST sessions/{id}/retry`
     /// tracks it again.

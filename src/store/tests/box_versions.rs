@@ -216,3 +216,15 @@ impl TestCentre {
         self.store.palettes().in_use(&Scope::service(), self.the_box.id).await.unwrap().unwrap().id
     }
 }
+
+#[tokio::test]
+async fn a_recording_of_the_day_before_the_first_set_up_belongs_to_it() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let made_at = centre.clock.now_ms();
+    for (hours, is_later) in [(23, false), (25, true)] {
+        let id = centre.recorded_at(&format!("clip-{hours}"), made_at - hours * 3_600_000).await;
+        centre.track(40.0).await;
+        let used = centre.store.box_versions().of_session(&Scope::service(), id).await.unwrap().unwrap();
+        assert_eq!((used.calibration.is_later, used.palette.is_later), (is_later, is_later), "{hours} h before");
+    }
+}
