@@ -56,7 +56,7 @@ export function onSignedOut(callback) {
 }
 
 /**
- * Calls back after each request of this page that changed something.
+ * Calls back after each change that this page made: by a request, or by a job that it started and that is done.
  *
  * @param {() => void} callback
  */
@@ -64,6 +64,9 @@ export function onChanged(callback) {
   changedCallbacks.add(callback);
   return () => void changedCallbacks.delete(callback);
 }
+
+/** Calls back all that asked for it with `onChanged`. */
+export const reportChange = () => changedCallbacks.forEach(callback => callback());
 
 /**
  * @param {ApiPath} path
@@ -107,7 +110,7 @@ async function request(method, path, { query, json, form, table, picture, signal
     throw error.name === 'AbortError' ? error : Problem.offline();
   }
   if (answer.ok) {
-    if (method !== 'GET') changedCallbacks.forEach(callback => callback());
+    if (method !== 'GET') reportChange();
     return parse(text);
   }
   const problem = Problem.fromText(answer.status, text);

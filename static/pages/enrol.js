@@ -27,13 +27,13 @@ export default function Enrol({ route }) {
     await work().catch(error => setProblem(asProblem(error)));
     setBusy(null);
   };
-  const check = (text, group, invite) => run('check', async () => {
+  const check = (text, { group, isNew, invite }) => run('check', async () => {
     setChecked(null);
     const countAtStart = changeCount.current;
     const table = read(await text, group);
     const options = { only_check: true, make_groups: true, invite };
     const { problems, new_groups: newGroups } = table.rows ? await api.enrol(table.rows, options) : { problems: [], new_groups: [] };
-    if (countAtStart === changeCount.current) setChecked({ ...table, problems, newGroups, invite });
+    if (countAtStart === changeCount.current) setChecked({ ...table, problems, newGroups, invite, groupToMake: isNew ? group : null });
   });
   const change = () => {
     changeCount.current += 1;
@@ -67,8 +67,9 @@ function Source({ groups, wanted, busy, onCheck, onChange }) {
   const submit = event => {
     event.preventDefault();
     const [chosen] = file.current.files;
-    const group = groupName === NEW_GROUP ? newGroup.current.value.trim() : groupName;
-    onCheck(chosen ? decodeFile(chosen) : text.current.value, group, invite);
+    const isNew = groupName === NEW_GROUP;
+    const group = isNew ? newGroup.current.value.trim() : groupName;
+    onCheck(chosen ? decodeFile(chosen) : text.current.value, { group, isNew, invite });
   };
   const chooseGroup = event => (setGroupName(event.target.value), onChange());
   const chooseInvite = event => (setInvite(event.target.checked), onChange());
@@ -124,20 +125,22 @@ function summaryOf(checked) {
 }
 
 function CheckResult({ checked, busy, onEnrol }) {
-  const { why, rows, unknown, problems, newGroups, invite } = checked;
+  const { why, rows, unknown, problems, newGroups, groupToMake, invite } = checked;
   const [agreed, setAgreed] = useState(false);
   if (why) return html`<${Notice} tone="warn" quiet title=${why} />`;
   const wrong = wrongRows(checked);
-  const isHeld = newGroups.length > 0 && !agreed;
+  // A group that only the table names may be a typing mistake; the one of the form was asked for.
+  const toConfirm = newGroups.filter(name => name !== groupToMake);
+  const isHeld = toConfirm.length > 0 && !agreed;
   return html`
     <section class="card">
       <header><h2>${words.result}</h2>${wrong === 0 && html`<button class="button main" type="button" disabled=${busy || isHeld} onClick=${onEnrol}>
         ${busy ? words.enrolling : words.enrol(rows.length)}</button>`}</header>
       <div class="body stack">
-        <${Notice} tone=${wrong ? 'warn' : 'good'} quiet title=${summaryOf(checked)} />
+        <${Notice} tone=${wrong || isHeld ? 'warn' : 'good'} quiet title=${!wrong && isHeld ? words.confirmGroups(toConfirm.length) : summaryOf(checked)} />
         ${unknown.length > 0 && html`<p class="muted">${words.unknownColumns(unknown)}</p>`}
-        ${newGroups.length > 0 && html`<div class="field"><label class="check"><input type="checkbox" checked=${agreed}
-          onChange=${event => setAgreed(event.target.checked)} />${words.makeGroups(newGroups.length, newGroups.join(', '))}</label><p class="hint">${words.makeGroupsHint}</p></div>`}
+        ${toConfirm.length > 0 && html`<div class="field"><label class="check"><input type="checkbox" checked=${agreed}
+          onChange=${event => setAgreed(event.target.checked)} />${words.makeGroups(toConfirm.length, toConfirm.join(', '))}</label><p class="hint">${words.makeGroupsHint}</p></div>`}
       </div>
       <div class="scroll"><table class="table">
         <thead><tr><th scope="col">${words.row}</th>${FIELDS.map(field => html`<th key=${field} scope="col">${words.columns[field]}</th>`)}

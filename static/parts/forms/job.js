@@ -1,6 +1,6 @@
 // The progress of a job that a form has started, until it ends.
 import { html, useEffect, useState } from '../../preact.js';
-import { api } from '../../api.js';
+import { api, reportChange } from '../../api.js';
 import { asProblem } from '../../data.js';
 import { useLive } from '../../live.js';
 import { t } from '../../texts.js';
@@ -31,7 +31,9 @@ export function JobProgress({ id, done, onDone }) {
     return () => clearInterval(timer);
   }, [id, hasEnded]);
   useEffect(() => {
-    if (job?.state === 'done') onDone();
+    if (job?.state !== 'done') return;
+    onDone();
+    reportChange();
   }, [job?.state]);
 
   if (problem) return html`<${ProblemNotice} problem=${problem} />`;

@@ -199,7 +199,7 @@ function SessionVersions({ session, played }) {
           ${width} × ${height}${Number.isFinite(video.frames) && `, ${words.frames(video.frames)}`}</dd>`}
           ${Number.isFinite(duration) && html`<dt>${words.length}</dt><dd>${clock(duration)}</dd>`}
           ${Number.isFinite(video.bytes) && html`<dt>${words.file}</dt><dd>${bytes(video.bytes)}</dd>`}`}
-        ${Object.entries(words.version).map(([key, name]) => html`<dt key=${key}>${name}</dt>
+        ${Object.entries(words.version).filter(([key]) => key !== 'tracked_with' || versions?.tracked_with).map(([key, name]) => html`<dt key=${key}>${name}</dt>
           ${setup?.[key] ? html`<dd title=${versions?.[key]}>${usedVersionText(setup[key])}</dd>`
             : html`<dd class="code" title=${versions?.[key]}>${short(versions?.[key])}</dd>`}`)}
       </dl>
