@@ -13,7 +13,7 @@ use super::columns::Insert;
 use super::cookies::{DELETE_COOKIES_OF, NewSignIn, insert_cookie};
 use super::error::{StoreError, StoreResult, not_found, taken};
 use super::password_links::{DELETE_LINK_OF, DELETE_LINKS_MADE_BY};
-use super::people::{COUNT_ADMINISTRATORS, PersonRecord, read_person};
+use super::people::{COUNT_ADMINISTRATORS, PersonRecord, read_person, require_an_administrator};
 use super::tokens::withdraw_tokens;
 use super::trainees::{SELECT_CODE, TraineeRecord, insert as insert_trainee};
 use super::visibility::{require_administrator, require_sign_in};
@@ -206,6 +206,9 @@ impl IdentityStore<'_> {
     }
 
     /// Removes a link, and ends the sign-ins that were made with it.
+    ///
+    /// # Errors
+    /// No administrator could sign in any more.
     pub async fn remove(&self, scope: &Scope, id: IdentityId) -> StoreResult<()> {
         require_administrator(scope, "removing accounts of single sign-on")?;
         require_sign_in(scope, "removing accounts of single sign-on")?;
@@ -215,6 +218,7 @@ impl IdentityStore<'_> {
                 let person: Option<PersonId> =
                     sqlx::query_scalar(DELETE_IDENTITY).bind(id).fetch_optional(&mut *tx).await?;
                 let person = person.ok_or(not_found("identity"))?;
+                require_an_administrator(tx).await?;
                 note(tx, &scope, now_ms, ("unlink", "identity"), person).await
             })
             .await

@@ -133,7 +133,10 @@ const COUNT_PEOPLE: &str = "SELECT count(*) FROM person";
 
 const SELECT_ACCOUNT_OF: &str = "SELECT id FROM person WHERE trainee_id = $1";
 
-pub(super) const COUNT_ADMINISTRATORS: &str = "SELECT count(*) FROM person WHERE role = 'administrator'";
+/// The administrators who can sign in, with a password or at the provider of single sign-on.
+pub(super) const COUNT_ADMINISTRATORS: &str = "
+    SELECT count(*) FROM person WHERE role = 'administrator'
+    AND (password_state <> 'missing' OR EXISTS (SELECT 1 FROM identity WHERE person_id = person.id))";
 
 impl PersonRecord {
     pub(super) fn insert(&self, password: PasswordHash) -> Insert {
@@ -395,7 +398,8 @@ fn taken_or_missing(error: sqlx::Error) -> StoreError {
     }
 }
 
-async fn require_an_administrator(tx: &mut sqlx::SqliteConnection) -> StoreResult<()> {
+/// Refuses a change after which no administrator could sign in.
+pub(super) async fn require_an_administrator(tx: &mut sqlx::SqliteConnection) -> StoreResult<()> {
     let left: i64 = sqlx::query_scalar(COUNT_ADMINISTRATORS).fetch_one(tx).await?;
     if left > 0 { Ok(()) } else { Err(StoreError::refused("this is the last administrator: create another one first")) }
 }

@@ -382,4 +382,14 @@ async fn the_last_administrator_keeps_the_role_and_the_path_of_the_service_is_in
     set_up.provider.sign_in_as("ines", &["teachers"]);
     let (_, same) = set_up.signed_in().await;
     assert_eq!(same["role"], "administrator");
+    // With the link the service would lose the only account that can administer it.
+    let made = json!({"login": "late", "name": "Late", "role": "administrator"});
+    let late = ines.make("/api/v1/people", made).await;
+    let identities = ines.read("/api/v1/identities").await;
+    let link = format!("/api/v1/identities/{}", identities["items"][0]["id"].as_str().unwrap());
+    problem(ines.delete(&link).await, 409, "conflict").await;
+    let chosen = json!({"password": "a door with four hinges"});
+    let answer = ines.patch(&format!("/api/v1/people/{}", late["id"].as_str().unwrap()), chosen).await;
+    read(answer, StatusCode::OK).await;
+    assert_eq!(ines.delete(&link).await.status(), StatusCode::NO_CONTENT);
 }
