@@ -24,6 +24,9 @@ export function handText({ tool, in_hand: hand, target }) {
   return tool ? `${t.hands[named]} (${tool})` : t.hands[named];
 }
 
+/** A tool with the hand that it was in during this session, if that is known. */
+export const toolWithHand = (features, tool) => handText({ tool, in_hand: features.find(one => one.tool === tool)?.in_hand, target: null });
+
 /** The feature, its hand or tool, and whether it is measured in the image: `Path length, left hand, in the image`. */
 export const featureWithTool = one =>
   [featureTitle(one), handText(one), one.space === 'image' && t.session.inImage].filter(Boolean).join(', ');

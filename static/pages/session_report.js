@@ -5,7 +5,7 @@ import { api } from '../api.js';
 import { useData } from '../data.js';
 import { clock } from '../format.js';
 import { serviceLang, t } from '../texts.js';
-import { featureWithTool, findingText } from '../translate.js';
+import { featureWithTool, findingText, toolWithHand } from '../translate.js';
 import { featuresIn, firstSpace, isTooUncertain, poorDepthText } from '../parts/session/compared_space.js';
 import { featureRows } from '../parts/session/features.js';
 import { feedbackLines, loadFeedback, ReportFeedback } from '../parts/session/report_feedback.js';
@@ -126,7 +126,7 @@ function Values({ session, lines }) {
       ${space === 'image' && session.compare_in && html`<p>${words.inImage} ${poorDepthText(session.compare_in)}</p>`}
       <table class="values">
         <thead><tr><th scope="col">${t.session.feature}</th>
-          ${columns.map(tool => html`<th key=${tool} scope="col">${tool ?? words.both}</th>`)}</tr></thead>
+          ${columns.map(tool => html`<th key=${tool} scope="col">${tool ? toolWithHand(session.features, tool) : words.both}</th>`)}</tr></thead>
         <tbody>${shown.map(row => html`
           <tr key=${row.name}><th scope="row">${row.title}</th>
             ${columns.map(tool => html`<td key=${tool}>${row.byTool.has(tool) ? short(row.byTool.get(tool)) : ''}</td>`)}</tr>`)}

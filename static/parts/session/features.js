@@ -2,7 +2,7 @@
 import { html, useState } from '../../preact.js';
 import { number, unit } from '../../format.js';
 import { serviceLang, t } from '../../texts.js';
-import { featureTitle } from '../../translate.js';
+import { featureTitle, toolWithHand } from '../../translate.js';
 import { Empty } from '../page/notice.js';
 import { CohortChooser, CohortPlace } from './cohort_places.js';
 import { featuresIn, firstSpace, isTooUncertain, PoorDepth } from './compared_space.js';
@@ -49,6 +49,7 @@ export function Features({ session, places, evidence, playback }) {
   const rows = featureRows(featuresIn(features, space));
   const hasSessionFeatures = rows.some(row => row.byTool.has(null));
   const columns = [...tools, ...(hasSessionFeatures ? [null] : [])];
+  const heads = new Map(tools.map(tool => [tool, toolWithHand(features, tool)]));
   const parts = featureParts(rows, space);
   const general = generalReasons(rows);
   const liveRows = new Map(space === '3d' ? featureRows(live ?? []).map(row => [row.name, row.byTool]) : []);
@@ -70,18 +71,18 @@ export function Features({ session, places, evidence, playback }) {
     ${general.map(why => html`<p key=${why} class="small muted chooser" lang=${serviceLang}>${why}</p>`)}
     <div class="row chooser fold-all"><${FoldAll} parts=${parts} folds=${folds} /></div>
     ${parts.map(part => html`<${Fold} key=${part.key} part=${part} folds=${folds}>
-      <${PartTable} part=${part} columns=${columns} general=${general} open=${open} toggle=${toggle} evidence=${evidence}
+      <${PartTable} part=${part} columns=${columns} heads=${heads} general=${general} open=${open} toggle=${toggle} evidence=${evidence}
         playback=${playback} places=${places} liveRows=${liveRows} /><//>`)}`;
 }
 
 /** The table of one part. All parts have the same columns. @param {Props} props */
-const PartTable = ({ part, columns, ...of }) => html`
+const PartTable = ({ part, columns, heads, ...of }) => html`
   <div class="scroll" tabindex="0" role="region" aria-label=${part.title}>
     <table class="table dense features">
       <thead>
         <tr>
           <th scope="col">${words.feature}</th>
-          ${columns.map(tool => html`<th key=${tool} scope="col" class="number">${tool ?? words.both}</th>`)}
+          ${columns.map(tool => html`<th key=${tool} scope="col" class="number">${heads.get(tool) ?? words.both}</th>`)}
           <th scope="col" class="unit"><span class="unseen">${words.unit}</span></th>
         </tr>
       </thead>
