@@ -195,7 +195,8 @@ export const api = {
     describe: () => request('GET', ['single-sign-on']),
     /** `next`: the page to show afterwards. @param {string} next */
     start: next => request('POST', ['single-sign-on', 'start'], { json: { next } }),
-    startLink: () => request('POST', ['me', 'identities']),
+    /** @param {string} [password] */
+    startLink: password => request('POST', ['me', 'identities'], { json: { password } }),
     /** @param {ApiBody<'POST', ['single-sign-on', 'finish']>} json */
     finish: json => request('POST', ['single-sign-on', 'finish'], { json }),
     signOut: () => request('POST', ['single-sign-on', 'sign-out']),

@@ -209,6 +209,7 @@ export default {
     busy: 'Anmeldung läuft …',
     back: 'Zurück',
     linkLead: 'Verknüpfen Sie Ihr Konto mit dem Konto Ihrer Einrichtung. Dann können Sie sich mit beiden anmelden. Ihre Rolle bleibt, wie sie hier ist.',
+    ownPassword: 'Ihr Passwort hier',
     link: name => (name ? `Mit ${name} verknüpfen` : 'Mit dem Konto Ihrer Einrichtung verknüpfen'),
     none: 'Keine Verknüpfungen',
     noneBody: 'Wer in einer Gruppe mit Zugang ist, bekommt eine bei der ersten Anmeldung über den Anbieter.',

@@ -70,6 +70,7 @@ export default {
     busy: 'Signing in …',
     back: 'Back',
     linkLead: 'Link your account to the one of your organisation. Then you can sign in with either. Your role stays as it is here.',
+    ownPassword: 'Your password here',
     link: name => (name ? `Link with ${name}` : 'Link with the account of your organisation'),
     none: 'No links',
     noneBody: 'People of groups that have access get one when they first sign in with the provider.',

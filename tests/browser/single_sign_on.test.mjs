@@ -188,6 +188,7 @@ test('a person with a password links the account, and an administrator removes t
   await page.getByLabel('Sign-in name').fill('omar');
   await page.getByLabel('Password').fill(PASSWORD);
   await page.getByRole('button', { name: 'Sign in', exact: true }).click();
+  await page.getByLabel('Your password here').fill(PASSWORD);
   await page.getByRole('button', { name: 'Link with Test hospital' }).click();
   groups.omar = ['students'];
   await signInAtProvider(page, 'omar');

@@ -14,7 +14,7 @@ use super::presented::{PresentedCredential, browser_secret, clear_cookie, set_br
 use super::signed_in::{Identified, IdentifiedPerson};
 use super::throttle::{AttemptOrigin, KnownPlace, network_of};
 use crate::domain::password_state::PasswordState;
-use crate::domain::scope::Actor;
+use crate::domain::scope::{Actor, Scope};
 use crate::domain::secret::{Password, PasswordHash, Secret, SecretHash};
 use crate::domain::text::Login;
 use crate::http::client_address::ClientAddress;
@@ -116,19 +116,10 @@ pub async fn change_password(
     Json(change): Json<PasswordChange>,
 ) -> HandlerResult<impl IntoResponse> {
     let id = by.id;
-    let person = app.store.people().get(&by.scope, id).await?;
     let is_same = change.old == change.new;
     let new = Password::new(change.new)?;
-    let found = app.store.people().by_login(&person.login).await?;
-    let (person, stored) = found.ok_or_else(ProblemResponse::not_found)?;
-    // One counter for all addresses: a stolen cookie must not guess on, and the guesses of strangers do not count.
-    let place = KnownPlace { counter: SecretHash::of_place(id, "signed in"), is_browser: true };
-    let origin = AttemptOrigin { address: address.0, known_place: Some(place) };
+    let (person, stored) = require_own_password(&app, &by.scope, (id, address), change.old).await?;
     let requester = HashRequester::Account(Actor::Person(id));
-    let attempt = (&person.login, origin, change.old);
-    if !try_password(&app, requester, attempt, Some(stored.clone()), too_many_attempts).await? {
-        return Err(wrong_credentials());
-    }
     if person.password_state != PasswordState::Own && is_same {
         return Err(ProblemResponse::invalid("new", "is the password that must be changed; choose another one"));
     }
@@ -137,6 +128,28 @@ pub async fn change_password(
     let set = app.store.people().set_own_password(&by.scope, new, stored, change.keep_tokens, sign_in).await;
     set.map_err(changed_meanwhile)?;
     Ok((StatusCode::NO_CONTENT, cookies))
+}
+
+/// Checks the password of a person who is signed in, before what a stranger at an open browser must not do. Returns the
+/// account, and the hash of the password.
+pub async fn require_own_password(
+    app: &App,
+    scope: &Scope,
+    (id, address): (PersonId, ClientAddress),
+    given: String,
+) -> HandlerResult<(store::PersonRecord, PasswordHash)> {
+    let person = app.store.people().get(scope, id).await?;
+    let found = app.store.people().by_login(&person.login).await?;
+    let (person, stored) = found.ok_or_else(ProblemResponse::not_found)?;
+    // One counter for all addresses: a stolen cookie must not guess on, and the guesses of strangers do not count.
+    let place = KnownPlace { counter: SecretHash::of_place(id, "signed in"), is_browser: true };
+    let origin = AttemptOrigin { address: address.0, known_place: Some(place) };
+    let attempt = (&person.login, origin, given);
+    let requester = HashRequester::Account(Actor::Person(id));
+    if !try_password(app, requester, attempt, Some(stored.clone()), too_many_attempts).await? {
+        return Err(wrong_credentials());
+    }
+    Ok((person, stored))
 }
 
 /// A sign-in of the browser that sent these headers, and the headers of the answer that give it its cookies.

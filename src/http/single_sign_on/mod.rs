@@ -19,13 +19,14 @@ use super::auth::presented::{
     PresentedCredential, attempt_secret, browser_secret, clear_cookie, set_attempt_cookie, set_browser_cookie,
     set_cookie,
 };
-use super::auth::sign_in::{new_origin, too_many_attempts};
+use super::auth::sign_in::{new_origin, require_own_password, too_many_attempts};
 use super::auth::signed_in::{BySignIn, Identified, Member, person_of_cookie};
 use super::client_address::ClientAddress;
 use super::error::{HandlerResult, ProblemResponse, Refusal};
 use super::people::PersonResponse;
 use super::read::{AnonymousJson, Json};
 use super::state::App;
+use crate::domain::password_state::PasswordState;
 use crate::domain::secret::{PasswordHash, Secret};
 use crate::domain::single_sign_on::ProvenIdentity;
 use crate::identity_provider::{IdentityProvider, Proof, ProviderError};
@@ -116,11 +117,19 @@ pub async fn start(
     begin(&app, address, &headers, Purpose::SignIn, next)
 }
 
+/// A request to link the own account to an account at the provider.
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LinkRequest {
+    /// The account's password; needed if it has one.
+    password: Option<String>,
+}
+
 /// Begin to link the own account to an account at the provider
 ///
 /// As `single-sign-on/start`. The browser must still be signed in to this account when the answer comes. A token does
-/// not suffice.
-#[utoipa::path(post, path = "/me/identities", tag = "sign-in",
+/// not suffice. An account with a password needs it, since the link would let a stranger at an open browser sign in later.
+#[utoipa::path(post, path = "/me/identities", tag = "sign-in", request_body = LinkRequest,
     responses((status = OK, body = ProviderSignInResponse,
             headers(("Set-Cookie" = String, description = "`__Host-trocar-single-sign-on`, for ten minutes")))))]
 pub async fn start_link(
@@ -128,8 +137,12 @@ pub async fn start_link(
     address: ClientAddress,
     BySignIn(by): BySignIn<Member>,
     headers: HeaderMap,
+    Json(LinkRequest { password }): Json<LinkRequest>,
 ) -> HandlerResult<impl IntoResponse> {
     let person = by.scope.person().ok_or_else(ProblemResponse::not_found)?;
+    if app.store.people().get(&by.scope, person).await?.password_state != PasswordState::Missing {
+        require_own_password(&app, &by.scope, (person, address), password.unwrap_or_default()).await?;
+    }
     begin(&app, address, &headers, Purpose::Link(person), "/account".to_owned())
 }
 

@@ -5,10 +5,14 @@ import { asProblem } from '../../data.js';
 import { dateTime } from '../../format.js';
 import { t } from '../../texts.js';
 import { Confirm } from '../forms/dialog.js';
+import { Form } from '../forms/form.js';
 import { Empty, ProblemNotice } from '../page/notice.js';
 import { openProvider, useSetUp } from './provider_button.js';
 
 const words = t.singleSignOn;
+
+/** Asked for again: a stranger at an open browser must not link an account. */
+const PASSWORD = { name: 'password', label: words.ownPassword, type: 'password', required: true, autocomplete: 'current-password' };
 
 /** The provider's accounts that sign in to the own account. @param {Props} props */
 export function OwnIdentities({ person, items, onChange }) {
@@ -22,7 +26,8 @@ export function OwnIdentities({ person, items, onChange }) {
       <${ProblemNotice} problem=${problem} />
       ${items.length === 0 ? html`
         <div class="body stack"><p>${words.linkLead}</p>
-          <div class="actions"><button class="button" type="button" onClick=${() => openProvider(api.singleSignOn.startLink()).catch(fail)}>${words.link(name)}</button></div></div>`
+          <${Form} fields=${person.has_password ? [PASSWORD] : []} submit=${words.link(name)}
+            onSave=${({ password }) => openProvider(api.singleSignOn.startLink(password))} /></div>`
         : html`<${Identities} items=${items} nameOf=${identity => identity.label}
           onRemove=${person.has_password && (id => api.singleSignOn.removeOwn(id).then(onChange, fail))} />`}
     </section>`;

@@ -274,12 +274,16 @@ async fn a_person_links_an_account_and_keeps_the_role_of_this_centre() {
     }
     set_up.provider.sign_in_as("omar-at-work", &["students"]);
     let omar = set_up.service.sign_in("omar", PASSWORD).await;
-    let (browser, state) = set_up.begin(omar.clone(), "/api/v1/me/identities", json!({})).await;
+    for given in [json!({}), json!({"password": "not the right one"})] {
+        problem(omar.post("/api/v1/me/identities", given).await, 401, "wrong-credentials").await;
+    }
+    let own = json!({"password": PASSWORD});
+    let (browser, state) = set_up.begin(omar.clone(), "/api/v1/me/identities", own.clone()).await;
     let answer = json!({"state": state, "code": "a-code"});
     let linked = read(browser.post(FINISH, answer).await, StatusCode::OK).await;
     assert_eq!((&linked["linked"], &linked["person"]["login"]), (&json!(true), &json!("omar")));
-    let own = omar.read("/api/v1/me/identities").await["items"][0].clone();
-    assert_eq!((&own["label"], &own["follows_groups"]), (&json!("omar-at-work"), &json!(false)));
+    let linked = omar.read("/api/v1/me/identities").await["items"][0].clone();
+    assert_eq!((&linked["label"], &linked["follows_groups"]), (&json!("omar-at-work"), &json!(false)));
 
     let (by_provider, person) = set_up.signed_in().await;
     assert_eq!((&person["login"], &person["role"]), (&json!("omar"), &json!("instructor")), "not a trainee");
@@ -290,11 +294,11 @@ async fn a_person_links_an_account_and_keeps_the_role_of_this_centre() {
     // Another person cannot take it, and a browser that is signed in to another account cannot finish it.
     set_up.provider.sign_in_as("omar-at-work", &["teachers"]);
     let olga = set_up.service.sign_in("olga", PASSWORD).await;
-    let (browser, state) = set_up.begin(olga.clone(), "/api/v1/me/identities", json!({})).await;
+    let (browser, state) = set_up.begin(olga.clone(), "/api/v1/me/identities", own.clone()).await;
     let taken = browser.post(FINISH, json!({"state": state, "code": "a-code"})).await;
     assert_eq!(problem(taken, 403, "single-sign-on").await["reason"], "linked-elsewhere");
     set_up.provider.sign_in_as("olga-at-work", &["teachers"]);
-    let (browser, state) = set_up.begin(olga, "/api/v1/me/identities", json!({})).await;
+    let (browser, state) = set_up.begin(olga, "/api/v1/me/identities", own).await;
     let attempt = browser.cookie().split("; ").last().unwrap().to_owned();
     let swapped = omar.clone().with("cookie", &format!("{}; {attempt}", omar.cookie()));
     problem(swapped.post(FINISH, json!({"state": state, "code": "a-code"})).await, 410, "gone").await;
