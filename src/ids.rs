@@ -84,6 +84,8 @@ ids! {
     ModelId;
     /// One recording of one trainee doing one task in one box.
     SessionId;
+    /// A recording that waits for a name. The session that it becomes has the same id.
+    WaitingRecordingId;
     /// The result of a session, computed by one version of the program.
     ResultId;
     /// One rater's rating of a session.
@@ -120,6 +122,18 @@ ids! {
     InstallationId;
     /// The lease of a job. Every claim makes a new token, so a worker whose lease was lost cannot finish the job.
     LeaseToken;
+}
+
+impl From<WaitingRecordingId> for SessionId {
+    fn from(WaitingRecordingId(id): WaitingRecordingId) -> Self {
+        Self(id)
+    }
+}
+
+impl From<SessionId> for WaitingRecordingId {
+    fn from(SessionId(id): SessionId) -> Self {
+        Self(id)
+    }
 }
 
 fn uuid_at(now_ms: i64) -> Uuid {

@@ -229,6 +229,7 @@ impl Settings {
         check_range("retention.videos_months", self.retention.videos_months, 0..=1_200)?;
         check_range("retention.erase_days", self.retention.erase_days, 0..=365)?;
         check_range("retention.access_log_months", self.retention.access_log_months, 0..=1_200)?;
+        check_range("retention.unnamed_days", self.retention.unnamed_days, 1..=365)?;
         check_range("upkeep.collect_s", self.upkeep.collect_s, 1..=86_400)?;
         let wrong = |(key, value, expected)| SettingsError::Value { key, value, expected };
         self.single_sign_on.check().map_err(wrong)?;
@@ -409,6 +410,7 @@ fn check_uploads(uploads: &UploadSettings) -> Result<(), SettingsError> {
     check_range("uploads.expire_h", uploads.expire_h, 1..=24 * 365)?;
     check_range("uploads.empty_min", uploads.empty_min, 1..=24 * 60)?;
     check_range("uploads.max_unfinished", uploads.max_unfinished, 1..=1_000_000)?;
+    check_range("uploads.max_waiting", uploads.max_waiting, 1..=1_000_000)?;
     check_range("uploads.import_bytes", uploads.import_bytes, 1_024..=1 << 30)?;
     check_range("uploads.import_rows", uploads.import_rows, 2..=10_000_000)
 }

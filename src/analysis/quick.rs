@@ -5,6 +5,7 @@
 //! The result is the same as a job's: the same work in the same confined child, validated by the same
 //! [`super::output_validator::OutputValidator`].
 
+use std::fs::File;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -15,6 +16,7 @@ use super::child::ChildOutput;
 use super::job_plan;
 use super::protocol::{
     CheckEditWork, CheckTableWork, CheckWork, ChildRequest, ChildWork, MaskWork, PaletteWork, RequestedBoard,
+    Thumbnail, ThumbnailWork,
 };
 use super::settings::AnalysisSettings;
 use crate::domain::blob::BlobHash;
@@ -146,12 +148,24 @@ impl QuickAnalysis {
         checked.ok_or_else(|| QuickAnalysisError::Crashed("did not say whether the table is valid".to_owned()))
     }
 
+    /// Makes a picture of the beginning of a recording. The content is not compared with its hash, which would read the whole
+    /// file.
+    pub async fn thumbnail(&self, recording: BlobHash) -> Result<Thumbnail, QuickAnalysisError> {
+        let (file, _) = self.vault.open_blob(recording).await?;
+        let output = self.run_on(ChildWork::Thumbnail(ThumbnailWork), vec![file]).await?;
+        output.thumbnail.ok_or_else(|| QuickAnalysisError::Crashed("sent no picture of the recording".to_owned()))
+    }
+
     async fn run(&self, work: ChildWork, files: &[BlobHash]) -> Result<ChildOutput, QuickAnalysisError> {
         let mut inputs = Vec::with_capacity(files.len());
         for &file in files {
             // The child cannot compare the content with the hash.
             inputs.push(self.vault.open_verified(file).await?);
         }
+        self.run_on(work, inputs).await
+    }
+
+    async fn run_on(&self, work: ChildWork, inputs: Vec<File>) -> Result<ChildOutput, QuickAnalysisError> {
         let _place = self.acquire_slot().await?;
         let failed = |error: std::io::Error| QuickAnalysisError::Failed(error.to_string());
         let stop = QuickStopGuard(StopSwitch::new().map_err(failed)?);

@@ -33,6 +33,7 @@
 //! | [`camera_limits`] | numbers that no camera has |
 //! | [`camera_warning`] | what makes a camera doubtful |
 //! | [`photo_check`] | whether one photo of a checkerboard is usable |
+//! | [`name_matcher`] | trainees, tasks and boxes in the names of files and folders |
 //! | [`palette`] | a version of a box's colour samples |
 //! | [`self_test`] | results of a box's self-test |
 //! | [`blob`] | files named by their content |
@@ -42,6 +43,7 @@
 //! | [`session`] | states of a recording, versions and features of its result |
 //! | [`session_move`] | moving a session to the right trainee, task or box |
 //! | [`skill`] | a model of skill: as stored, as shown, and as a file |
+//! | [`waiting_recording`] | recordings that wait for a name |
 //! | [`xapi`] | sessions as statements for learning record stores |
 //! | [`problem`] | why something failed, for people |
 //! | [`files`] | exchange formats: camera.json, annotations.json, trajectories, features, truth |
@@ -70,6 +72,7 @@ pub mod feed;
 pub mod files;
 pub mod hand;
 pub mod job;
+pub mod name_matcher;
 pub mod palette;
 pub mod password_state;
 pub mod personal_retention;
@@ -91,6 +94,7 @@ pub mod task;
 pub mod text;
 pub mod token_expiry;
 pub mod trainee;
+pub mod waiting_recording;
 pub mod xapi;
 
 /// Defines an enumeration whose variants have one name each, used in files, the API and the database alike.

@@ -84,3 +84,4 @@ pub mod tls;
 pub mod tokens;
 pub mod trainees;
 pub mod uploads;
+pub mod waiting_recordings;

@@ -19,7 +19,7 @@ use super::{
     health, jobs, observe, password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions,
     single_sign_on, tasks, tokens,
 };
-use super::{error, openapi, trainees, uploads};
+use super::{error, openapi, trainees, uploads, waiting_recordings};
 
 /// The API under `/api/v1`.
 fn api_routes() -> OpenApiRouter<App> {
@@ -33,6 +33,7 @@ fn api_routes() -> OpenApiRouter<App> {
         .merge(cohort_routes())
         .merge(course_routes())
         .merge(session_routes())
+        .merge(waiting_recording_routes())
         .merge(upload_routes())
         .merge(operation_routes())
         .merge(replaced_routes::replaced_routes())
@@ -210,6 +211,17 @@ fn session_routes() -> OpenApiRouter<App> {
         .routes(routes!(sessions::edits, sessions::edit))
         .routes(routes!(sessions::undo_edit))
         .routes(routes!(sessions::moves, sessions::move_session))
+}
+
+/// Recordings that wait for a name.
+fn waiting_recording_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(waiting_recordings::list, waiting_recordings::send))
+        .routes(routes!(waiting_recordings::count))
+        .routes(routes!(waiting_recordings::assign))
+        .routes(routes!(waiting_recordings::get, waiting_recordings::discard))
+        .routes(routes!(waiting_recordings::video))
+        .routes(routes!(waiting_recordings::preview))
 }
 
 /// Jobs, the state of the service, events, and this description.

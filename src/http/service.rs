@@ -76,14 +76,16 @@ pub struct RetentionState {
     erase_days: u32,
     /// Months for which the log of who opened whose recordings is kept; 0: as long as the trainee.
     access_log_months: u32,
+    /// Days after its arrival when a recording without a name is deleted.
+    unnamed_days: u32,
 }
 
 impl RetentionState {
     async fn of(app: &App) -> StoreResult<Self> {
         let due = app.retention.videos_of_next_month(app.clock.now_ms());
         let (next_videos, next_bytes) = app.store.retention().old_videos(due).await?;
-        let RetentionSettings { videos_months, erase_days, access_log_months } = app.retention;
-        Ok(Self { videos_months, next_videos, next_bytes, erase_days, access_log_months })
+        let RetentionSettings { videos_months, erase_days, access_log_months, unnamed_days } = app.retention;
+        Ok(Self { videos_months, next_videos, next_bytes, erase_days, access_log_months, unnamed_days })
     }
 }
 

@@ -98,7 +98,7 @@ impl Intake {
     }
 
     /// The stated time of a recording. A time in the future would keep it the newest for ever.
-    fn parse_recorded_at(&self, text: &str) -> IntakeResult<i64> {
+    pub(super) fn parse_recorded_at(&self, text: &str) -> IntakeResult<i64> {
         let invalid = |why: String| IntakeError::Invalid { field: "recorded_at", why };
         let at_ms = from_rfc3339(text)
             .ok_or_else(|| invalid("expected an RFC 3339 time such as 2026-11-21T20:14:00Z".to_owned()))?;
@@ -126,20 +126,23 @@ impl Intake {
     }
 }
 
-fn unknown(what: &'static str) -> impl FnOnce(StoreError) -> IntakeError {
+pub(super) fn unknown(what: &'static str) -> impl FnOnce(StoreError) -> IntakeError {
     move |error| match error {
         StoreError::NotFound { .. } => IntakeError::Unknown(what),
         other => other.into(),
     }
 }
 
-fn parse_filename(given: Option<&str>) -> IntakeResult<FileName> {
+pub(super) fn parse_filename(given: Option<&str>) -> IntakeResult<FileName> {
     let parsed = given.unwrap_or(DEFAULT_FILENAME).parse::<FileName>();
     parsed.map_err(|invalid| IntakeError::Invalid { field: "filename", why: invalid.why })
 }
 
 /// The correction of the times, from decimal numbers.
-fn parse_time(frame_rate_hz: Option<&str>, duration_s: Option<&str>) -> IntakeResult<Option<TimeCorrection>> {
+pub(super) fn parse_time(
+    frame_rate_hz: Option<&str>,
+    duration_s: Option<&str>,
+) -> IntakeResult<Option<TimeCorrection>> {
     let number = |field: &'static str, text: Option<&str>| {
         let why = || format!("is `{}`; expected a decimal number such as 16.4", text.unwrap_or_default());
         text.map(|text| text.trim().parse::<f64>().map_err(|_| IntakeError::Invalid { field, why: why() })).transpose()

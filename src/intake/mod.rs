@@ -16,6 +16,7 @@
 //! | `senders.rs` | a sender that resumes replaces its own broken connection |
 //! | `finish.rs` | turns a complete upload into a session |
 //! | `whole.rs` | a recording in one request |
+//! | `waiting.rs` | recordings that wait for a name |
 //! | `import.rs` | a table of rows that another tracker measured |
 //! | [`container`] | a recording's media type by its first bytes |
 
@@ -28,6 +29,7 @@ mod import;
 mod senders;
 mod settings;
 pub mod tus;
+mod waiting;
 mod whole;
 
 pub use append::{BoxError, Piece, UploadProgress};
@@ -35,6 +37,7 @@ pub use begin::{RecordingDescription, ResolvedRecording};
 pub use error::{IntakeError, IntakeResult};
 pub use finish::finish;
 pub use settings::UploadSettings;
+pub use waiting::{UnnamedDescription, UnnamedRecording};
 
 use std::sync::Arc;
 use std::time::Duration;

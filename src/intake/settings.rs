@@ -17,6 +17,9 @@ pub struct UploadSettings {
     /// Maximum number of unfinished uploads at a time, of all senders. Each occupies disk space. Usually 200. The limits
     /// of one sender are `store.senders`.
     pub max_unfinished: u64,
+    /// Maximum number of recordings that wait for a name at a time. More are refused until staff have assigned or discarded
+    /// some. Usually 2000.
+    pub max_waiting: u64,
     /// Maximum size of a table of another tracker, bytes. Usually 64 MiB.
     pub import_bytes: usize,
     /// Maximum number of rows of such a table. An hour of two tools at 60 frames a second is 432,000. Usually 500,000.
@@ -30,6 +33,7 @@ impl Default for UploadSettings {
             expire_h: 48,
             empty_min: 10,
             max_unfinished: 200,
+            max_waiting: 2_000,
             import_bytes: 64 << 20,
             import_rows: 500_000,
         }

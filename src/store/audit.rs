@@ -85,6 +85,7 @@ const SELECT_ENTRIES: &str = "
             WHERE rescoring.id = subject)
         WHEN 'skill_model' THEN
             (SELECT name FROM task JOIN skill_model ON task_id = task.id WHERE skill_model.id = subject)
+        WHEN 'waiting_recording' THEN (SELECT filename FROM waiting_recording WHERE id = subject)
         WHEN 'session' THEN
             (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id WHERE session.id = subject)
         WHEN 'rating' THEN

@@ -27,11 +27,12 @@ use crate::domain::session::{BoxQuestion, FeatureSpace, RecordedAtSource, Sessio
 use crate::domain::standard::SessionJudgement;
 use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, TrackerName};
 use crate::domain::trainee::{Handedness, Level};
+use crate::domain::waiting_recording::RecordingSource;
 use crate::ids::{
     BoxId, CalibrationId, CohortId, CommentId, ConsentId, ConsentTextId, CourseId, DismissalId, EditId, ErrorListId,
     ErrorMarkId, ErrorSheetId, FeedId, GroupId, IdentityId, InstallationId, JobId, LeaseToken, ModelId, MoveId,
     PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, ScoreFormulaId, SelfTestId, SessionId,
-    StandardId, TaskId, TokenId, TraineeId, UploadId,
+    StandardId, TaskId, TokenId, TraineeId, UploadId, WaitingRecordingId,
 };
 use crate::motion::features::{self, Feature};
 use crate::time::Day;
@@ -84,6 +85,7 @@ as_shown! {
     FeatureSpace FrameCodec TrafficLight RatingForm SessionJudgement RescoringSource RescoringItemState EditKind
     BoxQuestion RecordedAtSource EarlyEndCause ErasedKind PasswordState LogoFormat DismissalId AttentionKind
     ErrorListId ScoreFormulaId ErrorSheetId ErrorMarkId Supervision SessionOutcome ConsentId ConsentTextId ConsentDecision ConsentMeans
+    WaitingRecordingId RecordingSource
 }
 
 as_stored! {

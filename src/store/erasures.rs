@@ -58,7 +58,11 @@ impl ErasureStore<'_> {
         let service = Scope::service();
         let erased = match kind {
             ErasedKind::Trainee => self.0.trainees().erase(&service, &Key::from(&parse::<TraineeId>(id)?)).await,
-            ErasedKind::Session => self.0.sessions().erase(&service, parse(id)?).await,
+            ErasedKind::Session => match self.0.sessions().erase(&service, parse(id)?).await {
+                // In the restored backup it may still wait for its name: it has the same id.
+                Err(StoreError::NotFound { .. }) => self.0.waiting_recordings().discard(&service, parse(id)?).await,
+                erased => erased,
+            },
             ErasedKind::Person => self.0.people().delete(&service, parse(id)?).await,
             ErasedKind::Pending => return self.wait_again(parse(id)?, *at_ms).await,
             ErasedKind::TakenBack => {

@@ -30,6 +30,7 @@
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
 //! | [`Store::sessions`] | `create` `list` `get` `shared` `retry` `erase` `result` `result_with_edits` `evidence` `practice` `practice_of_many` `trainee_tasks` `trainees_of_task` `last_task` `refused_since` `unrated_since` |
+//! | [`Store::waiting_recordings`] | `add` `known` `list` `get` `count` `proposable` `assign` `discard` `forget` `set_preview` `of_trainee` |
 //! | [`Store::ratings`] | `give` `of_session` `has_rated` `given` `values` |
 //! | [`Store::comments`] | `add` `of_session` `withdraw` |
 //! | [`Store::feedback`] | `unseen` `new_results` `open` `mark_all_seen` `openings` |
@@ -108,6 +109,7 @@ mod trainees;
 mod update_copy;
 mod uploads;
 mod visibility;
+mod waiting_recordings;
 mod writer;
 
 use std::path::{Path, PathBuf};
@@ -176,6 +178,10 @@ pub use tokens::{ActsAs, NewToken, TokenRecord, TokenStore};
 pub use trainees::{TraineeRecord, TraineeStore};
 pub use uploads::{FinishedUpload, NewUpload, UploadRecord, UploadStore};
 pub use visibility::TraineeAudience;
+pub use waiting_recordings::{
+    ArrivedRecording, AssignedRecording, AssignmentTarget, NewWaitingRecording, ProposableThing, ProposableThings,
+    WaitingRecordingFilter, WaitingRecordingRecord, WaitingRecordingStore,
+};
 
 use crate::domain::scope::Scope;
 use crate::time::SharedClock;
@@ -440,6 +446,8 @@ accessors! {
     feeds: FeedStore;
     /// Complete recordings and their results.
     sessions: SessionStore;
+    /// Recordings that wait for a name.
+    waiting_recordings: WaitingRecordingStore;
     /// Ratings of sessions.
     ratings: RatingStore;
     /// Comments on moments of sessions.

@@ -37,6 +37,7 @@ pub(super) const SELECT_OLD_VIDEOS: &str = "
                       WHERE other.video = blob.hash
                         AND (other.tracker IS NOT NULL OR other_kept.months = 0
                              OR other.created_at_ms >= $1 - 2629800000 * other_kept.months))
+      AND NOT EXISTS (SELECT 1 FROM waiting_recording WHERE waiting_recording.video = blob.hash)
       AND NOT EXISTS (SELECT 1 FROM job_file JOIN job ON job.id = job_file.job_id
                       WHERE job_file.blob = blob.hash AND job.state IN ('queued', 'running'))
     LIMIT $3";

@@ -45,8 +45,10 @@ const SUM_UPLOADS_OF: &str = "
 
 const SUM_RECORDINGS_OF: &str = "
     SELECT count(*), coalesce(sum(blob.bytes), 0)
-    FROM audit LEFT JOIN session ON session.id = subject LEFT JOIN blob ON blob.hash = session.video
-    WHERE actor = $1 AND at_ms > $2 AND noun = 'session' AND action IN ('create', 'import')";
+    FROM audit LEFT JOIN session ON session.id = subject
+    LEFT JOIN waiting_recording AS waiting ON waiting.id = subject
+    LEFT JOIN blob ON blob.hash = coalesce(session.video, waiting.video)
+    WHERE actor = $1 AND at_ms > $2 AND noun IN ('session', 'waiting_recording') AND action IN ('create', 'import')";
 
 const COUNT_FEEDS: &str = "
     SELECT count(*) FILTER (WHERE box_id = $1), count(*) FILTER (WHERE box_id = $1 AND actor LIKE 'person:%'),

@@ -31,6 +31,9 @@ const SELECT_PRESENT: &str = "
 
 const DELETE_ERASED_SESSIONS: &str = "DELETE FROM session WHERE id IN (SELECT value FROM json_each($1))";
 
+/// A session may still have been waiting for its name when the copy was made: it had the same id.
+const DELETE_ERASED_WAITING: &str = "DELETE FROM waiting_recording WHERE id IN (SELECT value FROM json_each($1))";
+
 const DELETE_ERASED_TRAINEES: &str = "DELETE FROM trainee WHERE id IN (SELECT value FROM json_each($1))";
 
 const DELETE_ERASED_PEOPLE: &str = "DELETE FROM person WHERE id IN (SELECT value FROM json_each($1))";
@@ -75,12 +78,15 @@ impl Store {
         let mut tx = connection.begin().await?;
         erase_derived_data(&mut tx, erasures).await?;
         let mut deleted = 0;
+        let tables: Vec<String> = sqlx::query_scalar(SELECT_TABLES).fetch_all(&mut *tx).await?;
+        let waiting = tables.iter().any(|name| name == "waiting_recording");
+        let waiting = waiting.then_some((ErasedKind::Session, DELETE_ERASED_WAITING));
         // Accounts last: those of trainees are deleted with them.
-        for (kind, statement) in [
+        for (kind, statement) in waiting.into_iter().chain([
             (ErasedKind::Session, DELETE_ERASED_SESSIONS),
             (ErasedKind::Trainee, DELETE_ERASED_TRAINEES),
             (ErasedKind::Person, DELETE_ERASED_PEOPLE),
-        ] {
+        ]) {
             let ids: Vec<&str> =
                 erasures.iter().filter(|erasure| erasure.kind == kind).map(|e| e.id.as_str()).collect();
             deleted += sqlx::query(statement).bind(Json(ids)).execute(&mut *tx).await?.rows_affected();

@@ -252,6 +252,14 @@ pub async fn plant_palette(database: &std::path::Path, of: &str, version: i64, c
     id
 }
 
+/// Gives a recording that waits for a name to a trainee, as the list of a watched folder does.
+pub async fn plant_owner(database: &std::path::Path, waiting: &str, trainee: &str) {
+    let mut connection = SqliteConnectOptions::new().filename(database).connect().await.unwrap();
+    let update = sqlx::query("UPDATE waiting_recording SET trainee_id = $2 WHERE id = $1").bind(waiting).bind(trainee);
+    assert_eq!(update.execute(&mut connection).await.unwrap().rows_affected(), 1);
+    connection.close().await.unwrap();
+}
+
 fn session_of(lease: &Lease) -> SessionId {
     lease.job.session_id.expect("only sessions are planted")
 }

@@ -22,6 +22,7 @@ pub mod recording;
 mod reporter;
 pub mod score;
 pub mod self_test;
+pub mod thumbnail;
 pub mod track;
 
 use std::fs::File;
@@ -117,6 +118,8 @@ macro_rules! child_works {
 child_works! {
     /// Decode one recording: size, frames, a preview.
     Probe, probe: probe::ProbeWork;
+    /// Decode the first frames of a recording: a picture of it, and whether it can be decoded.
+    Thumbnail, thumbnail: thumbnail::ThumbnailWork;
     /// Track one recording. Inputs: the recording, and a photo of the empty box if there is one.
     Track, track: track::TrackWork;
     /// Collect colours and report on them: from one clip, or from one picture per frame. A photo of the empty box is

@@ -27,6 +27,7 @@ pub use super::child::palette::{ColourMark, PaletteWork};
 pub use super::child::probe::ProbeWork;
 pub use super::child::score::{ScoreSource, ScoreWork};
 pub use super::child::self_test::SelfTestWork;
+pub use super::child::thumbnail::{Thumbnail, ThumbnailWork};
 pub use super::child::track::TrackWork;
 pub use super::child::{ChildWork, WorkRecord};
 use crate::domain::problem::Problem;

@@ -249,6 +249,9 @@ only! {
     Member: Administrator | Instructor | Trainee, "An agent's token can only send to the feed of its box.";
     /// Administrators and instructors.
     Staff: Administrator | Instructor, "Only administrators and instructors may do this. Ask one of them.";
+    /// Administrators, instructors and the agents of boxes.
+    StaffOrAgent: Administrator | Instructor | Agent,
+        "Only administrators, instructors and the agents of boxes may do this. Ask one of them.";
     /// Administrators.
     Administrator: Administrator, "Only administrators may do this. Ask one of them.";
 }

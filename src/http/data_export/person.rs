@@ -16,6 +16,7 @@ use crate::http::sessions::{EditsResponse, MoveResponse, SessionResponse, write_
 use crate::http::show::Time;
 use crate::http::single_sign_on::IdentityResponse;
 use crate::http::trainees::{AccessEntryResponse, ConsentResponse, RetentionResponse, TraineeResponse};
+use crate::http::waiting_recordings::{RecordingProposal, WaitingRecordingResponse};
 use crate::ids::SessionId;
 use crate::store::{PageRequest, SessionFilter, SessionOpening, SessionRecord, TraineeRecord};
 use crate::time::Day;
@@ -44,6 +45,8 @@ profile.json       name, level, hand, groups; account, sign-ins and accounts at
                    when each session was opened
 consent.json       whether the person consents to recordings, and all decisions
 retention.json     for how long videos are kept
+waiting_recordings.json  recordings that wait for a name, and that the list in the watched folder
+                   gives to this person
 access.json        who opened this person's recordings, and exported them: the newest 10,000 entries; left out in the
                    export of an instructor
 sessions/…/        one folder for each session:
@@ -155,6 +158,11 @@ fn add_consent(
     let centre = app.retention.videos_months;
     let kept = job.wait(app.store.personal_retention().of_trainee(scope, trainee.id, centre))?;
     archive.add_json(&format!("{below}retention.json"), &RetentionResponse::new(kept, centre))?;
+    let waiting = job.wait(app.store.waiting_recordings().of_trainee(scope, trainee.id))?.into_iter().map(|found| {
+        let deleted_at_ms = app.retention.unnamed_until_ms(found.arrived_at_ms);
+        WaitingRecordingResponse::new(found, deleted_at_ms, RecordingProposal::default())
+    });
+    archive.add_json(&format!("{below}waiting_recordings.json"), &waiting.collect::<Vec<_>>())?;
     if !job.has_account(trainee) {
         return Ok(());
     }

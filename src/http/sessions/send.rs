@@ -72,7 +72,7 @@ pub async fn send(
 }
 
 /// Refuses a multipart form, which would be stored as if it were the video.
-fn refuse_forms(request: &Request) -> HandlerResult<()> {
+pub(in crate::http) fn refuse_forms(request: &Request) -> HandlerResult<()> {
     let kind = request.headers().get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
     if !kind.starts_with("multipart/") {
         return Ok(());

@@ -20,7 +20,7 @@ pub(super) mod practice;
 pub(super) mod queue_positions;
 pub(super) mod result;
 mod same_recording;
-mod supervision;
+pub(super) mod supervision;
 mod write;
 
 pub use attention::AttentionItem;
@@ -29,7 +29,8 @@ pub use practice::{Practice, PracticeMeasurement, PracticeResult, PracticeSessio
 pub use result::{SessionOrderKey, SessionResult};
 pub use same_recording::{SameRecording, SameRecordings};
 pub(super) use write::{
-    DELETE_SESSION, NewSessionRow, SELECT_SAME_PATH, SELECT_SAME_SESSION, insert, is_trusted_sender, supervising_sender,
+    DELETE_SESSION, NewSessionRow, SELECT_SAME_PATH, SELECT_SAME_SESSION, SessionArrival, insert, insert_arrived,
+    is_trusted_sender, supervising_sender,
 };
 
 use super::error::{StoreResult, not_found};

@@ -8,7 +8,7 @@ use crate::domain::session::Supervision;
 use crate::ids::SessionId;
 use crate::store::Scope;
 
-const UPDATE_SUPERVISION: &str =
+pub(in crate::store) const UPDATE_SUPERVISION: &str =
     "UPDATE session SET supervision = $2, supervised_by = $3, supervised_at_ms = $4 WHERE id = $1";
 
 impl SessionStore<'_> {

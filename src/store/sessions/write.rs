@@ -103,7 +103,8 @@ impl SessionStore<'_> {
             .write(async move |tx| {
                 check_day(tx, &by, &limits, (0, new.video.bytes), now_ms).await?;
                 let (table, tracker) = (new.video, path.tracker.clone());
-                let session = insert_session(tx, &by, new, Some(path), now_ms).await?;
+                let arrival = SessionArrival::now(&by, now_ms);
+                let session = insert_session(tx, &by, new, Some(path), (arrival, now_ms)).await?;
                 let input = JobInput::Import(ImportInput { session, table, tracker });
                 jobs::insert(tx, &input, now_ms, attempts).await?;
                 note(tx, &by, now_ms, ("import", "session"), session).await?;
@@ -175,8 +176,19 @@ pub(in crate::store) async fn insert(
     now_ms: i64,
     max_attempts: u32,
 ) -> StoreResult<SessionId> {
+    insert_arrived(tx, scope, new, SessionArrival::now(scope, now_ms), (now_ms, max_attempts)).await
+}
+
+/// Like [`insert`], for a recording that may have arrived before.
+pub(in crate::store) async fn insert_arrived(
+    tx: &mut SqliteConnection,
+    scope: &Scope,
+    new: NewSession,
+    arrival: SessionArrival,
+    (now_ms, max_attempts): (i64, u32),
+) -> StoreResult<SessionId> {
     let time = new.time;
-    let id = insert_session(tx, scope, new, None, now_ms).await?;
+    let id = insert_session(tx, scope, new, None, (arrival, now_ms)).await?;
     if let Some(time) = time {
         edits::insert_with_recording(tx, scope, id, time, now_ms).await?;
     }
@@ -185,22 +197,39 @@ pub(in crate::store) async fn insert(
     Ok(id)
 }
 
+/// How a new session arrived.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::store) struct SessionArrival {
+    /// Id of the session: it holds the time of arrival.
+    pub id: SessionId,
+    /// When its recording arrived, epoch ms.
+    pub at_ms: i64,
+    /// Who saw the attempt, because they recorded or sent it.
+    pub supervisor: Option<PersonId>,
+}
+
+impl SessionArrival {
+    /// A recording that this caller sends now.
+    fn now(by: &Scope, now_ms: i64) -> Self {
+        Self { id: SessionId::at(now_ms), at_ms: now_ms, supervisor: supervising_sender(by) }
+    }
+}
+
 /// Inserts a session whose file is in the vault.
 async fn insert_session(
     tx: &mut SqliteConnection,
     scope: &Scope,
     new: NewSession,
     imported: Option<ForeignPath>,
-    now_ms: i64,
+    (SessionArrival { id, at_ms, supervisor }, now_ms): (SessionArrival, i64),
 ) -> StoreResult<SessionId> {
     require_trainee(tx, scope, new.trainee).await?;
     refuse_duplicate(tx, &new, imported.as_ref()).await?;
     require_consent(tx, new.trainee, now_ms).await?;
-    blobs::record(tx, new.video, now_ms).await?;
-    let id = SessionId::at(now_ms);
+    blobs::record(tx, new.video, at_ms).await?;
     let (recorded_at_ms, recorded_at_source) = match new.recorded_at_ms {
         Some(stated_ms) => (stated_ms, RecordedAtSource::Claimed),
-        None => (now_ms, RecordedAtSource::Arrival),
+        None => (at_ms, RecordedAtSource::Arrival),
     };
     let row = NewSessionRow {
         id,
@@ -212,10 +241,10 @@ async fn insert_session(
         video: Some(new.video.hash),
         recorded_at_ms,
         recorded_at_source,
-        created_at_ms: now_ms,
+        created_at_ms: at_ms,
         imported,
         date_known: recorded_at_source == RecordedAtSource::Arrival || is_trusted_sender(scope),
-        supervisor: supervising_sender(scope),
+        supervisor,
     };
     row.insert().execute(&mut *tx).await.map_err(missing("task or box"))?;
     Ok(id)

@@ -22,16 +22,21 @@ pub struct RetentionSettings {
     /// Months for which the log of who opened whose recordings is kept. More: trainees can look back further; fewer: less
     /// is stored about the staff. 0: as long as the trainee. Default 24.
     pub access_log_months: u32,
+    /// Days for which a recording waits for a name; then it is deleted. More: there is more time to recognise the person;
+    /// fewer: recordings without a known consent are gone earlier. 1 to 365, default 30.
+    pub unnamed_days: u32,
 }
 
 impl Default for RetentionSettings {
     fn default() -> Self {
-        Self { videos_months: 0, erase_days: 7, access_log_months: 24 }
+        Self { videos_months: 0, erase_days: 7, access_log_months: 24, unnamed_days: 30 }
     }
 }
 
 /// A twelfth of a year, ms; the statement of the store that selects old videos has the same number.
 const MONTH_MS: i64 = 2_629_800_000;
+const DAY_MS: i64 = 86_400_000;
+
 /// Time for retrying a failed job of a box with the pictures that were sent, ms. A day: the person who sent
 /// them looks at the result within minutes, and the pictures may show a trainee.
 const FAILED_PICTURES_MS: i64 = 24 * 3_600_000;
@@ -59,6 +64,11 @@ impl RetentionSettings {
         if self.access_log_months == 0 { 0 } else { now_ms - i64::from(self.access_log_months) * MONTH_MS }
     }
 
+    /// When a recording without a name is deleted that arrived at this time, epoch ms.
+    pub fn unnamed_until_ms(&self, arrived_ms: i64) -> i64 {
+        arrived_ms + i64::from(self.unnamed_days) * DAY_MS
+    }
+
     /// Time for taking an erasure back; `None`: it cannot.
     pub fn erase_after(&self) -> Option<Duration> {
         (self.erase_days > 0).then(|| Duration::from_secs(u64::from(self.erase_days) * 86_400))
@@ -82,6 +92,7 @@ pub async fn apply_retention(
         steps.note(drop_videos(store, vault, settings.videos_at(now_ms)).await);
     }
     steps.note(forget_accesses(store, settings.access_log_before_ms(now_ms)).await);
+    steps.note(forget_unnamed(store, now_ms - i64::from(settings.unnamed_days) * DAY_MS).await);
     let before_ms = now_ms - FAILED_PICTURES_MS;
     steps.note(store.retention().release_failed_pictures(before_ms).await.map_err(UpkeepError::from));
     steps.finish(())
@@ -102,6 +113,12 @@ async fn erase_due(store: &Store) -> UpkeepResult<()> {
 /// Deletes what is not kept any longer of the log of who opened recordings.
 async fn forget_accesses(store: &Store, before_ms: i64) -> UpkeepResult<()> {
     while store.access_log().forget(before_ms, MAX_ACCESS_ENTRIES).await? {}
+    Ok(())
+}
+
+/// Deletes the recordings that have waited for a name for too long.
+async fn forget_unnamed(store: &Store, before_ms: i64) -> UpkeepResult<()> {
+    while store.waiting_recordings().forget(before_ms, ROUND).await? {}
     Ok(())
 }
 

@@ -53,3 +53,4 @@ mod tool_sizes;
 pub mod tus;
 mod unreadable;
 mod uploads;
+mod waiting_recordings;

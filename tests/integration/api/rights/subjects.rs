@@ -14,7 +14,7 @@ use trocar::time::SystemClock;
 use super::{MISSING, ROLES};
 use crate::api::centre::{Centre, PASSWORD, recording};
 use crate::api::tus;
-use crate::planted::plant_palette;
+use crate::planted::{plant_owner, plant_palette};
 use crate::support::{ADMINISTRATOR, Client, Service, read};
 
 /// A caller, signed in or not.
@@ -214,6 +214,7 @@ impl FilledCentre {
                 let sent = send_to_one(administrator, trainee, number).await;
                 Subject::of(text(&read(sent, StatusCode::CREATED).await["id"]))
             }
+            "waiting" => self.waiting(trainee, number).await,
             "upload" => {
                 let answer = tus::create(administrator, 5, &upload_of(trainee)).await;
                 assert_eq!(answer.status(), StatusCode::CREATED);
@@ -256,6 +257,17 @@ impl FilledCentre {
             }
             _ => panic!("`{kind}` is no kind of subject"),
         }
+    }
+
+    /// A recording that waits for a name, and that the list of a watched folder gives to this trainee.
+    async fn waiting(&self, trainee: &str, number: u64) -> Subject {
+        let path = format!("/api/v1/waiting-recordings?filename={number}.mp4");
+        let clip = self.centre.administrator.request(Method::POST, &path).header(header::CONTENT_TYPE, "video/mp4");
+        let sent = clip.body(recording(100, 2_000_000 + number)).send().await.unwrap();
+        let id = text(&read(sent, StatusCode::CREATED).await["id"]);
+        let trainee = self.centre.administrator.read(&format!("/api/v1/trainees/{trainee}")).await;
+        plant_owner(&self.centre.service.data.path().join(DATABASE_FILE), &id, &text(&trainee["id"])).await;
+        Subject::of(id)
     }
 
     /// A new trainee in both groups.
