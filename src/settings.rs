@@ -27,6 +27,7 @@ use crate::http::settings::HttpSettings;
 use crate::http::tls::TlsSettings;
 use crate::identity_provider::settings::SingleSignOnSettings;
 use crate::intake::UploadSettings;
+use crate::intake::inbox::InboxSettings;
 use crate::live::LiveSettings;
 use crate::queue::QueueSettings;
 use crate::rescoring::RescoringSettings;
@@ -59,6 +60,8 @@ pub struct Settings {
     pub analysis: AnalysisSettings,
     /// Uploads of recordings.
     pub uploads: UploadSettings,
+    /// The watched folder of the server.
+    pub inbox: InboxSettings,
     /// Live feeds: recordings that arrive frame by frame.
     pub live: LiveSettings,
     /// Rescoring of sessions.
@@ -94,6 +97,7 @@ impl Default for Settings {
             tls: TlsSettings::default(),
             analysis: AnalysisSettings::default(),
             uploads: UploadSettings::default(),
+            inbox: InboxSettings::default(),
             live: LiveSettings::default(),
             rescoring: RescoringSettings::default(),
             upkeep: UpkeepSettings::default(),
@@ -120,6 +124,8 @@ pub struct Flags {
     pub listen: Option<SocketAddr>,
     /// [`Settings::workers`].
     pub workers: Option<usize>,
+    /// The folder of [`Settings::inbox`].
+    pub inbox: Option<PathBuf>,
 }
 
 /// Why the settings cannot be used.
@@ -206,6 +212,7 @@ impl Settings {
         settings.data = flags.data.unwrap_or(settings.data);
         settings.listen = flags.listen.unwrap_or(settings.listen);
         settings.workers = flags.workers.unwrap_or(settings.workers);
+        settings.inbox.folder = flags.inbox.or(settings.inbox.folder);
         settings.check()?;
         Ok(settings)
     }
@@ -233,6 +240,9 @@ impl Settings {
         check_range("upkeep.collect_s", self.upkeep.collect_s, 1..=86_400)?;
         let wrong = |(key, value, expected)| SettingsError::Value { key, value, expected };
         self.single_sign_on.check().map_err(wrong)?;
+        check_range("inbox.poll_s", self.inbox.poll_s, 1..=3_600)?;
+        check_range("inbox.settle_s", self.inbox.settle_s, 1..=3_600)?;
+        self.check_inbox()?;
         self.check_tls()?;
         self.check_backup()
     }
@@ -254,6 +264,20 @@ impl Settings {
                 value,
                 "a folder outside the data folder, best on another disk: it is lost with the data there",
             );
+        }
+        Ok(())
+    }
+
+    /// The service moves and deletes files in the watched folder: the data folder must not be in it, nor the other way round.
+    fn check_inbox(&self) -> Result<(), SettingsError> {
+        let Some(folder) = &self.inbox.folder else { return Ok(()) };
+        let refused = |value, expected| Err(SettingsError::Value { key: "inbox.folder", value, expected });
+        if folder.as_os_str().is_empty() {
+            return refused("empty".to_owned(), "the path of a folder, or no such setting: no folder is watched then");
+        }
+        let (inbox, data) = (resolved(folder), resolved(&self.data));
+        if inbox.starts_with(&data) || data.starts_with(&inbox) {
+            return refused(format!("`{}`", folder.display()), "a folder outside the data folder, and not around it");
         }
         Ok(())
     }

@@ -44,6 +44,7 @@ use crate::http::state::{App, AppParts, ServiceInfo};
 use crate::http::tls::ServerCertificate;
 use crate::identity_provider::IdentityProvider;
 use crate::intake::Intake;
+use crate::intake::inbox::Inbox;
 use crate::live::{self, FeedService, OpenFeeds};
 use crate::motion::PIPELINE_VERSION;
 use crate::queue::Queue;
@@ -75,6 +76,9 @@ pub struct ServeArgs {
     /// Number of recordings tracked at the same time [default: half the cores]
     #[arg(long)]
     workers: Option<usize>,
+    /// Folder that is watched for recordings; they wait for a name, or are assigned by its list people.csv
+    #[arg(long, value_name = "FOLDER")]
+    inbox: Option<PathBuf>,
     /// Fill a new data folder with a demonstration: a simulated box, trainees and recordings
     #[arg(long)]
     demo: bool,
@@ -97,7 +101,8 @@ pub fn run(args: ServeArgs) -> Result<(), CommandFailure> {
     start_log(&args.log, args.log_json)?;
     heap::return_large_blocks().context("limiting memory")?;
     sandbox::run_soon_after_waking();
-    let flags = Flags { settings: args.settings, data: args.data, listen: args.listen, workers: args.workers };
+    let ServeArgs { settings, data, listen, workers, inbox, .. } = args;
+    let flags = Flags { settings, data, listen, workers, inbox };
     let mut settings = Settings::load(flags).map_err(CommandFailure::input)?;
     settings.workers = worker_count(settings.workers);
     restrict_new_files_to_owner();
@@ -263,8 +268,7 @@ pub async fn start(
         clock,
     };
     let app = App::new(parts);
-    start_upkeep(&app, &settings);
-    start_rescoring(&app, settings.rescoring);
+    start_background(&app, &settings, &child);
     worker_pool(&app, settings.analysis, child).start_workers(settings.workers, &shutdown);
     let (address, redirect_address) = (listeners.address(), listeners.redirect_address());
     let served = listeners.serve(certificate, app.clone()).context("starting TLS")?;
@@ -390,6 +394,24 @@ fn start_upkeep(app: &App, settings: &Settings) {
     app.shutdown.spawn(async move {
         let _ = tokio::task::spawn_blocking(backups).await; // a panic is logged where it happened
     });
+}
+
+/// Starts all background tasks but the workers.
+fn start_background(app: &App, settings: &Settings, child: &Program) {
+    start_upkeep(app, settings);
+    start_rescoring(app, settings.rescoring.clone());
+    start_inbox(app, settings, child.clone());
+}
+
+/// Starts to watch the folder for recordings, if the settings name one.
+fn start_inbox(app: &App, settings: &Settings, child: Program) {
+    let (clock, shutdown) = (app.clock.clone(), app.shutdown.clone());
+    // Slots of its own: people who wait for a photo do not wait for the folder.
+    let pictures =
+        QuickAnalysis::new(app.vault.clone(), child, settings.analysis.clone(), clock.clone(), shutdown.clone());
+    if let Some(inbox) = Inbox::new(app.intake.clone(), pictures, clock, settings.inbox.clone()) {
+        shutdown.spawn(inbox.run());
+    }
 }
 
 /// Starts the background task that carries out rescoring orders.

@@ -74,7 +74,9 @@ fn find_in<'f>(form: &'f NameForm, parts: &[Vec<String>]) -> Vec<Found<'f>> {
 
 /// Numbers and single letters stand in many names without a meaning.
 fn is_distinctive(words: &[String]) -> bool {
-    words.iter().flat_map(|word| word.chars()).filter(|c| c.is_alphabetic()).count() >= 2
+    let letters = words.iter().flat_map(|word| word.chars()).filter(|c| c.is_alphabetic()).count();
+    let characters: usize = words.iter().map(|word| word.chars().count()).sum();
+    letters >= 2 || letters == 1 && characters >= 3 // such as p-12
 }
 
 /// The words of a text in small letters, with German umlauts spelled out.

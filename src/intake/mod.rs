@@ -17,6 +17,8 @@
 //! | `finish.rs` | turns a complete upload into a session |
 //! | `whole.rs` | a recording in one request |
 //! | `waiting.rs` | recordings that wait for a name |
+//! | [`inbox`] | the watched folder of the server |
+//! | [`folder`] | the list of a folder, and the times in names |
 //! | `import.rs` | a table of rows that another tracker measured |
 //! | [`container`] | a recording's media type by its first bytes |
 
@@ -25,7 +27,9 @@ mod begin;
 pub mod container;
 mod error;
 mod finish;
+pub mod folder;
 mod import;
+pub mod inbox;
 mod senders;
 mod settings;
 pub mod tus;

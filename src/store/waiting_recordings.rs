@@ -239,12 +239,12 @@ const SELECT_OF_TRAINEE: &str = "
       AND ($2 IS 'service' OR waiting.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY waiting.id";
 
-/// The names of all trainees, tasks and boxes that a caller may give to a recording; at most `$3` of each kind, by code.
+/// The names of all trainees (also for the service without those who wait for their erasure), tasks and boxes that a caller may give to a recording; at most `$3` of each kind, by code.
 const SELECT_PROPOSABLE_TRAINEES: &str = "
     SELECT id, name, code FROM trainee
     WHERE ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND id NOT IN (SELECT trainee_id FROM pending_erasure)
     ORDER BY code LIMIT $3";
 
 const SELECT_PROPOSABLE_TASKS: &str = "SELECT id, name, code FROM task WHERE $1 <> 'agent' ORDER BY code LIMIT $3";

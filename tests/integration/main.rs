@@ -14,6 +14,7 @@ mod faults;
 mod feed;
 mod first_password;
 mod golden;
+mod inbox;
 mod language;
 mod memory;
 mod old_data;

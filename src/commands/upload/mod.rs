@@ -8,9 +8,7 @@ mod client;
 mod directory;
 mod files;
 mod journal;
-mod map;
 mod plan;
-mod recorded_at;
 mod send;
 
 use std::collections::BTreeMap;
@@ -24,15 +22,14 @@ use self::client::{RequestError, ServiceClient};
 use self::directory::Directory;
 use self::files::find_files;
 use self::journal::Journal;
-use self::map::RecordingMap;
 use self::plan::{
     Fate, MapDefaults, MappedFile, PlannedRecording, WhenRecorded, assign, mark_copies, mark_there, shown_time,
 };
-use self::recorded_at::RecordedAt;
 use self::send::{Arrived, send};
 use super::progress::Meter;
 use super::table::TextTable;
 use super::{CommandFailure, print_result, restrict_new_files_to_owner};
+use crate::intake::folder::{RecordedAt, RecordingMap};
 
 /// Arguments of `trocar upload`.
 #[derive(clap::Args)]

@@ -6,24 +6,21 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 use serde_json::Value;
 
-use super::directory::{Directory, Known, find};
+use super::directory::Directory;
 use super::files::FoundFile;
-use super::map::{MapRow, MatchKind, RecordingMap};
-use super::recorded_at::RecordedAt;
 use crate::domain::blob::BlobHash;
+use crate::intake::folder::{KnownThing, MapRow, MatchKind, RecordedAt, RecordingMap, UNKNOWN_TIME, find};
 use crate::time::from_rfc3339;
 
-/// The cell of a recording whose time is not known.
-const UNKNOWN_TIME: &str = "unknown";
 /// Difference between two times of one recording that is worth a note, ms.
 const NOTABLE_MS: i64 = 60_000;
 
 /// Whose recording it is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordingTarget {
-    pub trainee: Known,
-    pub task: Known,
-    pub in_box: Known,
+    pub trainee: KnownThing,
+    pub task: KnownThing,
+    pub in_box: KnownThing,
 }
 
 /// What happens to a recording.
@@ -131,7 +128,7 @@ fn target(
     defaults: &MapDefaults,
     problems: &mut Vec<String>,
 ) -> Option<RecordingTarget> {
-    let mut look_up = |list: &[Known], noun: &str, text: Option<&String>, way: &str| {
+    let mut look_up = |list: &[KnownThing], noun: &str, text: Option<&String>, way: &str| {
         let found = match text {
             Some(text) => find(list, noun, text),
             None => Err(format!("`{noun}` is empty{way}")),

@@ -19,9 +19,13 @@ pub struct MapRow {
     pub line: u64,
     /// Which recordings it is for: a path, a name, a folder, or a pattern with `*` and `?`.
     pub file: String,
+    /// Whose they are, by code or name.
     pub trainee: Option<String>,
+    /// The task, by code or name.
     pub task: Option<String>,
+    /// The box, by code or name.
     pub in_box: Option<String>,
+    /// When they were recorded, or `unknown`.
     pub recorded_at: Option<String>,
 }
 
