@@ -531,6 +531,21 @@ export const api = {
     /** @param {string} id @param {string} format */
     trajectoryAddress: (id, format) => address(['sessions', id, 'trajectory'], { format, kind: 'smoothed' }),
   },
+  /** Recordings that wait for a name. */
+  waiting: {
+    /** @param {ApiQueryOf<'GET', ['waiting-recordings']>} [query] @param {AbortSignal} [signal] */
+    page: (query, signal) => request('GET', ['waiting-recordings'], { query, signal }),
+    /** @param {AbortSignal} [signal] */
+    count: signal => request('GET', ['waiting-recording-count'], { signal }),
+    /** @param {Schemas['RecordingAssignment'][]} items */
+    assign: items => request('POST', ['waiting-recordings', 'assign'], { json: { items } }),
+    /** @param {string} id */
+    discard: id => request('DELETE', ['waiting-recordings', id]),
+    /** @param {string} id */
+    videoAddress: id => address(['waiting-recordings', id, 'video']),
+    /** @param {string} id */
+    pictureAddress: id => address(['waiting-recordings', id, 'preview.jpg']),
+  },
   /** tus 1.0.0; tus-js-client implements the protocol. */
   uploadsAddress: () => address(['uploads']),
   events: () => new EventSource(address(['events'])),

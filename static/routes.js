@@ -11,6 +11,7 @@ const PAGES = [
   { pattern: '/sessions/:id/report', nav: 'sessions', load: () => import('./pages/session_report.js') },
   { pattern: '/live', nav: 'wall', needs: 'watch', load: () => import('./pages/live_overview.js') },
   { pattern: '/upload', nav: 'upload', load: () => import('./pages/upload.js') },
+  { pattern: '/waiting', nav: 'waiting', needs: 'see_trainees', load: () => import('./pages/waiting.js') },
   { pattern: '/record', nav: 'record', load: () => import('./pages/record.js') },
   { pattern: '/trainees', nav: 'trainees', needs: 'see_trainees', load: () => import('./pages/trainees.js') },
   { pattern: '/trainees/:id', nav: 'trainees', load: () => import('./pages/trainee.js') },

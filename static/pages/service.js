@@ -59,6 +59,7 @@ function Status({ status: { version, pipeline, started_at, storage, queue, last_
         ...(retention.videos_months ? [[words.nextVideos, words.videosOf(retention.next_videos, bytes(retention.next_bytes))]] : []),
         [words.erasedPeople, retention.erase_days ? words.erasedAfter(retention.erase_days) : words.erasedAtOnce],
         [words.accessLog, retention.access_log_months ? t.retention.months(retention.access_log_months) : words.keptFor],
+        [t.waiting.keptTitle, t.waiting.keptDays(retention.unnamed_days)],
         [words.erased, words.within(settings.erased_within_s)],
         [words.unfinished, words.afterHours(settings.unfinished_upload_h)],
         [words.signIn, words.signInAfter(settings.idle_min, settings.sign_in_h)],

@@ -8,6 +8,7 @@ import { isRecording, onRecording } from '../../record/current_recording.js';
 import { isSending, onSharedChange, sharedIdleMinutes } from '../../shared_device.js';
 import { useFollowed } from '../guide/followed.js';
 import { FeedbackMark } from '../people/new_feedback.js';
+import { useWaitingCount, WaitingMark } from '../waiting/waiting_count.js';
 import { CentreMark } from './centre_mark.js';
 import { icons } from './icons.js';
 import { LanguageMenu } from './language.js';
@@ -24,6 +25,7 @@ function navEntries(person) {
     ['sessions', ['sessions']],
     ['record', ['record'], ['upload', 'upload_own']],
     ['upload', ['upload'], ['upload', 'upload_own']],
+    ['waiting', ['waiting'], ['see_trainees']],
     ['trainees', ['trainees'], ['see_trainees']],
     ['groups', ['groups'], ['see_trainees']],
     ['tasks', ['tasks'], ['edit_tasks']],
@@ -40,16 +42,20 @@ export const traineeId = person => person.trainee?.id ?? person.trainee ?? null;
 
 /** @param {Props} props */
 export function Shell({ person, current, children, onNextPerson }) {
+  const waiting = useWaitingCount(person);
+  // Most of the time nothing waits, and the navigation of staff is long.
+  const isShown = entry => entry[0] !== 'waiting' || waiting > 0 || current === 'waiting';
   return html`
     <a class="button skip" href="#main">${t.skip}</a>
     <header class="top">
       <a class="brand" href=${href([])}><${CentreMark} /></a>
       <nav aria-label=${t.nav.label}>
         <ul>
-          ${navEntries(person).map(([name, path]) => html`
+          ${navEntries(person).filter(isShown).map(([name, path]) => html`
               <li key=${name}><a href=${href(path)} aria-current=${isCurrent(name, current, person) ? 'page'
                 : undefined}>${t.nav[name]}${name === 'record' && html`<${RecordingMark} />`}${
-                name === 'today' && html`<${FeedbackMark} person=${person} />`}</a></li>`)}
+                name === 'today' && html`<${FeedbackMark} person=${person} />`}${
+                name === 'waiting' && waiting > 0 && html`<${WaitingMark} count=${waiting} />`}</a></li>`)}
         </ul>
       </nav>
       <div class="account">

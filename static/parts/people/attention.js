@@ -20,7 +20,10 @@ const TONES = { box_asked: 'warn', relapsed: 'bad', due: 'warn', refused: 'bad',
  * nothing below it moves any more.
  */
 export function Attention({ own, person, onLoaded }) {
-  const { data, problem, reload } = useData(signal => api.attention(signal), []);
+  const { data, problem, reload } = useData(async signal => {
+    const [attention, waiting] = await Promise.all([api.attention(signal), may(person, 'see_trainees') ? api.waiting.count(signal) : null]);
+    return { ...attention, waiting: waiting?.count ?? 0 };
+  }, []);
   const reloadSoon = useThrottled(reload, RELOAD_MS);
   const isLoaded = Boolean(data ?? problem);
   useEffect(() => void (isLoaded && onLoaded()), [isLoaded]);
@@ -37,7 +40,9 @@ export function Attention({ own, person, onLoaded }) {
       <${ProblemNotice} problem=${dismissals.problem} onDismiss=${dismissals.forgetProblem} />
       <${LastDismissal} last=${dismissals.last} undo=${dismissals.undo} />
       ${!data && !problem && html`<${Loading} />`}
-      ${data && items.length === 0 && html`<${Empty} title=${own ? words.noneOwn : words.none} body=${own ? words.noneOwnBody : words.noneBody} />`}
+      ${data && data.waiting > 0 && html`<ul class="queue"><li><div><a href=${href(['waiting'])}>${t.waiting.mark(data.waiting)}</a></div>
+        <span class="pill warn">${t.nav.waiting}</span></li></ul>`}
+      ${data && items.length === 0 && data.waiting === 0 && html`<${Empty} title=${own ? words.noneOwn : words.none} body=${own ? words.noneOwnBody : words.noneBody} />`}
       ${items.length > 0 && html`<ul class="queue">${items.map(one => html`<${Item} key=${one.key} item=${one}
         dismiss=${mayDismiss && dismissals.dismiss} />`)}</ul>`}
       ${data && data.dismissed > 0 && html`<${Dismissed} count=${data.dismissed} undo=${dismissals.undo} />`}
