@@ -268,7 +268,8 @@ impl Settings {
         Ok(())
     }
 
-    /// The service moves and deletes files in the watched folder: the data folder must not be in it, nor the other way round.
+    /// The service moves and deletes files in the watched folder: the data folder must not be in it, nor the other way
+    /// round.
     fn check_inbox(&self) -> Result<(), SettingsError> {
         let Some(folder) = &self.inbox.folder else { return Ok(()) };
         let refused = |value, expected| Err(SettingsError::Value { key: "inbox.folder", value, expected });

@@ -148,8 +148,8 @@ impl QuickAnalysis {
         checked.ok_or_else(|| QuickAnalysisError::Crashed("did not say whether the table is valid".to_owned()))
     }
 
-    /// Makes a picture of the beginning of a recording. The content is not compared with its hash, which would read the whole
-    /// file.
+    /// Makes a picture of the beginning of a recording. The content is not compared with its hash, which would read the
+    /// whole file.
     pub async fn thumbnail(&self, recording: BlobHash) -> Result<Thumbnail, QuickAnalysisError> {
         let (file, _) = self.vault.open_blob(recording).await?;
         let output = self.run_on(ChildWork::Thumbnail(ThumbnailWork), vec![file]).await?;

@@ -1,8 +1,9 @@
-//! Finds trainees, tasks and boxes in the names of files and folders. What it finds is a proposal that a person confirms.
+//! Finds trainees, tasks and boxes in the names of files and folders. What it finds is a proposal that a person
+//! confirms.
 //!
 //! A code or name is found if all its words stand side by side in the name of the file or of one folder, in any case:
-//! `ada_novak-peg 3.mp4` has `Ada Novak`. A name of two words is found in both orders. If the names speak for two different
-//! people, nothing is proposed: a wrong proposal is worse than none, because it may be confirmed unseen.
+//! `ada_novak-peg 3.mp4` has `Ada Novak`. A name of two words is found in both orders. If the names speak for two
+//! different people, nothing is proposed: a wrong proposal is worse than none, because it may be confirmed unseen.
 
 /// The things that may be named, by their place in the list that they came from.
 #[derive(Clone, Debug, Default)]

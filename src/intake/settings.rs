@@ -17,8 +17,8 @@ pub struct UploadSettings {
     /// Maximum number of unfinished uploads at a time, of all senders. Each occupies disk space. Usually 200. The limits
     /// of one sender are `store.senders`.
     pub max_unfinished: u64,
-    /// Maximum number of recordings that wait for a name at a time. More are refused until staff have assigned or discarded
-    /// some. Usually 2000.
+    /// Maximum number of recordings that wait for a name at a time. More are refused until staff have assigned or
+    /// discarded some. Usually 2000.
     pub max_waiting: u64,
     /// Maximum size of a table of another tracker, bytes. Usually 64 MiB.
     pub import_bytes: usize,

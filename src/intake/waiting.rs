@@ -1,4 +1,5 @@
-//! Receives recordings without a name. They are stored and wait; they are not tracked until a person says whose they are.
+//! Receives recordings without a name. They are stored and wait; they are not tracked until a person says whose they
+//! are.
 
 use bytes::Bytes;
 use futures_util::Stream;
@@ -69,8 +70,8 @@ impl Intake {
         })
     }
 
-    /// Receives a whole recording without a name. Call it on a task of its own, since some senders disconnect right after
-    /// their last byte.
+    /// Receives a whole recording without a name. Call it on a task of its own, since some senders disconnect right
+    /// after their last byte.
     pub async fn take_unnamed<B>(
         &self,
         scope: &Scope,

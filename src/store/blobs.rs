@@ -43,7 +43,7 @@ const SELECT_USES: &str = "
           UNION ALL SELECT 'path', session_id, NULL FROM result WHERE trajectory = $1
           UNION ALL SELECT 'diagnostics', session_id, NULL FROM result WHERE diagnostics = $1
           UNION ALL SELECT 'preview', session_id, NULL FROM result WHERE preview = $1
-          UNION ALL SELECT iif(video = $1, 'recording without a name', 'picture of a recording without a name'), NULL, box_id
+          UNION ALL SELECT 'part of a recording without a name', NULL, box_id
           FROM waiting_recording WHERE $1 IN (video, preview)
           UNION ALL SELECT 'file of a ' || kind || ' job', session_id, box_id
           FROM job_file JOIN job ON job.id = job_file.job_id

@@ -1,8 +1,8 @@
 //! Recordings that wait for a name: they are stored, but not tracked, until a person says whose they are.
 //!
-//! A recording becomes a session with the same id: the erasure of that session also removes the recording from a backup in
-//! which it still waits. All staff see recordings without a name, because they have to recognise the person. One that the list
-//! of a watched folder gives to a trainee is seen only by those who see the trainee.
+//! A recording becomes a session with the same id: the erasure of that session also removes the recording from a backup
+//! in which it still waits. All staff see recordings without a name, because they have to recognise the person. One
+//! that the list of a watched folder gives to a trainee is seen only by those who see the trainee.
 
 use sqlx::sqlite::SqliteConnection;
 
@@ -239,7 +239,8 @@ const SELECT_OF_TRAINEE: &str = "
       AND ($2 IS 'service' OR waiting.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
     ORDER BY waiting.id";
 
-/// The names of all trainees (also for the service without those who wait for their erasure), tasks and boxes that a caller may give to a recording; at most `$3` of each kind, by code.
+/// The names of all trainees (also for the service without those who wait for their erasure), tasks and boxes that a
+/// caller may give to a recording; at most `$3` of each kind, by code.
 const SELECT_PROPOSABLE_TRAINEES: &str = "
     SELECT id, name, code FROM trainee
     WHERE ($1 = 'administrator'
@@ -260,7 +261,8 @@ const SELECT_SESSION_WITH: &str = "SELECT id FROM session WHERE video = $1 ORDER
 
 const INSERT_WAITING: &str = "
     INSERT INTO waiting_recording (id, video, media_type, filename, folder, source, box_id, task_id, trainee_id, remark,
-                                   recorded_at_ms, true_frame_rate_hz, true_duration_s, person_id, arrived_at_ms, preview)
+                                   recorded_at_ms, true_frame_rate_hz, true_duration_s, person_id, arrived_at_ms,
+                                   preview)
     VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16)";
 
 const UPDATE_PREVIEW: &str = "UPDATE waiting_recording SET preview = $2, unreadable = $3 WHERE id = $1";
@@ -273,8 +275,8 @@ const SELECT_EXPIRED: &str =
 const SELECT_HAS_JOB: &str = "SELECT EXISTS (SELECT 1 FROM tracking_job WHERE session_id = $1)";
 
 impl WaitingRecordingStore<'_> {
-    /// Adds a recording without a name, unless the service has it already. Staff, agents of boxes and the service add them;
-    /// at most `max_waiting` wait at a time.
+    /// Adds a recording without a name, unless the service has it already. Staff, agents of boxes and the service add
+    /// them; at most `max_waiting` wait at a time.
     ///
     /// # Errors
     /// [`StoreError::LimitReached`] if there is no place for it.
@@ -363,7 +365,8 @@ impl WaitingRecordingStore<'_> {
     /// Makes a recording a session of this trainee, and queues its tracking.
     ///
     /// # Errors
-    /// [`StoreError::ConsentMissing`]; [`StoreError::Taken`] with the session that the trainee, task and box have of it.
+    /// [`StoreError::ConsentMissing`]; [`StoreError::Taken`] with the session that the trainee, task and box have of
+    /// it.
     pub async fn assign(
         &self,
         scope: &Scope,

@@ -1,5 +1,5 @@
-//! The watched folder: recordings are taken once, although the service is killed; what cannot be taken is refused with words or
-//! left alone; the list of the folder assigns.
+//! The watched folder: recordings are taken once, although the service is killed; what cannot be taken is refused with
+//! words or left alone; the list of the folder assigns.
 
 use std::collections::BTreeSet;
 use std::fs;

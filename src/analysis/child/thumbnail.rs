@@ -1,7 +1,7 @@
 //! Decodes the first frames of a recording: a picture of it, and whether it can be decoded at all.
 //!
-//! The picture is that of the last of these frames, since many recordings begin dark. A recording whose later frames are
-//! damaged is found when it is tracked.
+//! The picture is that of the last of these frames, since many recordings begin dark. A recording whose later frames
+//! are damaged is found when it is tracked.
 
 use serde::{Deserialize, Serialize};
 

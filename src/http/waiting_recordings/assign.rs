@@ -27,17 +27,17 @@ pub struct AssignmentResult {
     /// True if the session is tracked only when its box has a camera and colours.
     waits_for_box: bool,
     /// Why it waits on; `null` if it became a session. `consent-missing`: the trainee does not consent to recordings.
-    /// `duplicate-recording`: the trainee has this recording already, as `session`. `not-found`: it was assigned or discarded
-    /// meanwhile.
+    /// `duplicate-recording`: the trainee has this recording already, as `session`. `not-found`: it was assigned or
+    /// discarded meanwhile.
     #[schema(value_type = Option<ProblemDocument>)]
     problem: Option<serde_json::Value>,
 }
 
 /// Assign recordings to trainees
 ///
-/// Each recording is assigned on its own: `results` says what came of it, in the order of the request. It becomes a session
-/// with the same id, and is tracked. Its arrival stays the time at which it arrived here. It counts as supervised only if the
-/// caller says so.
+/// Each recording is assigned on its own: `results` says what came of it, in the order of the request. It becomes a
+/// session with the same id, and is tracked. Its arrival stays the time at which it arrived here. It counts as
+/// supervised only if the caller says so.
 #[utoipa::path(post, path = "/waiting-recordings/assign", tag = "waiting recordings",
     request_body = RecordingAssignments, responses((status = OK, body = AssignmentResults)))]
 pub async fn assign(

@@ -36,8 +36,8 @@ pub async fn video(
 
 /// Read a picture of a recording that waits for a name
 ///
-/// Of a recording that was not looked at yet, the picture is made now. If none can be made, `unreadable` of the recording
-/// says why.
+/// Of a recording that was not looked at yet, the picture is made now. If none can be made, `unreadable` of the
+/// recording says why.
 #[utoipa::path(get, path = "/waiting-recordings/{id}/preview.jpg", tag = "waiting recordings",
     params(("id" = String, Path, description = "id")),
     responses((status = OK, description = "One frame", content_type = "image/jpeg")))]

@@ -149,8 +149,8 @@ fn moment(field: &'static str, text: Option<&str>) -> HandlerResult<Option<i64>>
 
 /// List the recordings that wait for a name, the last made first
 ///
-/// All staff see recordings whose person is not known. One that the list in the watched folder gives to a trainee is seen by
-/// those who see the trainee. A recording without a name is not tracked, and it is deleted at `deleted_at`.
+/// All staff see recordings whose person is not known. One that the list in the watched folder gives to a trainee is
+/// seen by those who see the trainee. A recording without a name is not tracked, and it is deleted at `deleted_at`.
 #[utoipa::path(get, path = "/waiting-recordings", tag = "waiting recordings", params(WaitingRecordingsQuery),
     responses((status = OK, body = PageResponse<WaitingRecordingResponse>)))]
 pub async fn list(

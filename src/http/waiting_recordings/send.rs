@@ -43,10 +43,10 @@ pub struct SendUnnamedQuery {
 
 /// Send a recording without a name in one request
 ///
-/// For staff, and for the agent of a box. The recording is stored and waits until staff say whose it is; until then it is not
-/// tracked. One that the service has already is refused with `duplicate-recording`: the problem names the
-/// `waiting_recording`, or the `session` if the caller sees it. If the connection breaks, the recording has to be sent again
-/// from the beginning.
+/// For staff, and for the agent of a box. The recording is stored and waits until staff say whose it is; until then it
+/// is not tracked. One that the service has already is refused with `duplicate-recording`: the problem names the
+/// `waiting_recording`, or the `session` if the caller sees it. If the connection breaks, the recording has to be sent
+/// again from the beginning.
 #[utoipa::path(post, path = "/waiting-recordings", tag = "waiting recordings", params(SendUnnamedQuery),
     request_body(content = Vec<u8>, content_type = "application/octet-stream",
         description = "The video: MP4/MOV, Matroska/WebM, AVI or MPEG-TS"),
@@ -83,7 +83,7 @@ impl App {
     /// The problem for a recording that the service has already. It names a session only to callers who see it.
     async fn known_recording(&self, scope: &Scope, known: ArrivedRecording) -> ProblemResponse {
         let problem = Refusal::DuplicateRecording.with(
-            "The service has this recording already: it waits for a name, or it is a session. There is nothing more to do.",
+            "The service has this recording already: it waits for a name, or it is a session. Do not send it again.",
         );
         match known {
             ArrivedRecording::Session(id) if scope.is_staff() && self.store.sessions().get(scope, id).await.is_ok() => {
@@ -101,7 +101,7 @@ impl App {
         let app = self.clone();
         self.shutdown.spawn(async move {
             if let Err(problem) = app.preview_of(&Scope::service(), id).await {
-                tracing::debug!(%id, why = problem.detail(), "no picture of a recording yet; made when it is looked at");
+                tracing::debug!(%id, why = problem.detail(), "no picture of a recording yet; made when it is opened");
             }
         });
     }

@@ -108,7 +108,8 @@ fn head_problems(head: &[String]) -> Vec<String> {
     problems
 }
 
-/// The line that a record begins on, from 1. The reader's own count is one too small after an end of line of two characters.
+/// The line that a record begins on, from 1. The reader's own count is one too small after an end of line of two
+/// characters.
 fn line_of(text: &str, record: &csv::StringRecord) -> u64 {
     let begins = record.position().map_or(0, |position| position.byte()) as usize;
     let (before, rest) = text.as_bytes().split_at(begins.min(text.len()));

@@ -1,5 +1,5 @@
-//! What a folder of recordings says about them: its list, and the times in names. `trocar upload` and the watched folder of
-//! the server read them alike.
+//! What a folder of recordings says about them: its list, and the times in names. `trocar upload` and the watched
+//! folder of the server read them alike.
 
 mod known;
 mod map;

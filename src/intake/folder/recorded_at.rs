@@ -7,8 +7,8 @@ use jiff::tz::TimeZone;
 
 use crate::time::from_rfc3339;
 
-/// Hour that a day without a time gets: none of the day's recordings is then dated into the day before or after it, in any
-/// time zone.
+/// Hour that a day without a time gets: none of the day's recordings is then dated into the day before or after it, in
+/// any time zone.
 const NOON: i8 = 12;
 
 /// Where a time comes from.

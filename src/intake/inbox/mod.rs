@@ -1,13 +1,14 @@
-//! The watched folder of the server: other programs put recordings there, such as a recorder that saves to a network share.
+//! The watched folder of the server: other programs put recordings there, such as a recorder that saves to a network
+//! share.
 //!
 //! ```text
 //! look every few seconds ─▶ a file that does not change any more ─▶ copy into the vault, hashed
 //!   ─▶ first frames in a confined child ─▶ one transaction: session, or a recording that waits for a name
 //!   ─▶ the file is moved to `taken`, or deleted
 //! ```
-//! **Exactly once.** Only the transaction makes a recording; the file stays until it is committed. A service that ends before
-//! it leaves a file that is taken at the next start, and a blob without a row, which is collected. One that ends after it finds
-//! the file again, sees by its hash that the recording is there, and only moves it.
+//! **Exactly once.** Only the transaction makes a recording; the file stays until it is committed. A service that ends
+//! before it leaves a file that is taken at the next start, and a blob without a row, which is collected. One that ends
+//! after it finds the file again, sees by its hash that the recording is there, and only moves it.
 //!
 //! The folder is polled, because network shares do not report changes. A file that is no readable recording is moved to
 //! `refused`, with a text beside it that says why. What cannot be taken stays where it is and is logged once.
@@ -46,7 +47,8 @@ pub struct Inbox {
 }
 
 impl Inbox {
-    /// The watch over the folder of these settings; `None` without a folder. `pictures` makes the pictures of recordings.
+    /// The watch over the folder of these settings; `None` without a folder. `pictures` makes the pictures of
+    /// recordings.
     pub fn new(intake: Intake, pictures: QuickAnalysis, clock: SharedClock, settings: InboxSettings) -> Option<Self> {
         let folder = settings.folder.clone()?;
         let (seen, stuck, reported) = (HashMap::new(), HashSet::new(), HashSet::new());
@@ -79,7 +81,7 @@ impl Inbox {
             Ok(Ok(found)) => found,
             Ok(Err(error)) => {
                 let why = format!(
-                    "the folder cannot be used ({error}): see that it exists and that the service's user may write there"
+                    "the folder cannot be used ({error}): see that it exists, and that the service may write there"
                 );
                 return self.report(why);
             }

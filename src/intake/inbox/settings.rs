@@ -11,11 +11,11 @@ use serde::Deserialize;
 pub struct InboxSettings {
     /// The folder, or none. The service moves and deletes files in it, so no other program may need them there.
     pub folder: Option<PathBuf>,
-    /// Interval between two looks into the folder, s. More: less load on a network share; fewer: recordings appear sooner.
-    /// Usually 5.
+    /// Interval between two looks into the folder, s. More: less load on a network share; fewer: recordings appear
+    /// sooner. Usually 5.
     pub poll_s: u64,
-    /// How long a file must not change before it is taken, s. More: slow copies that pause are safe; fewer: recordings appear
-    /// sooner. Usually 10.
+    /// How long a file must not change before it is taken, s. More: slow copies that pause are safe; fewer: recordings
+    /// appear sooner. Usually 10.
     pub settle_s: u64,
     /// True: a file is deleted once it is taken; false: it is moved to the folder `taken`.
     pub delete_taken: bool,

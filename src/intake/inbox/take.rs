@@ -24,8 +24,8 @@ use crate::vault::{PinnedBlob, VaultError};
 
 /// Bytes that are read at a time.
 const BLOCK: usize = 1 << 20;
-/// Space that a recording from the folder leaves free on the disk, bytes: recordings can wait in the folder, and other work
-/// cannot.
+/// Space that a recording from the folder leaves free on the disk, bytes: recordings can wait in the folder, and other
+/// work cannot.
 const KEEP_FREE: u64 = 256 << 20;
 /// A time that is later than this after now is a mistake, ms.
 const MAX_AHEAD_MS: i64 = 24 * 3_600_000;
@@ -55,7 +55,7 @@ impl Inbox {
         let place = self.folder.join(&file.path);
         if !may_be_moved(&place) {
             self.report(format!(
-                "`{}` is not taken, because the service's user may not move it away: give it the right to write in the folder",
+                "`{}` is not taken, because the service may not move it away: give its user the right to write there",
                 file.path
             ));
             return ControlFlow::Continue(());
@@ -83,8 +83,8 @@ impl Inbox {
         if file.stamp.bytes > most {
             let (bytes, most) = (file.stamp.bytes >> 20, most >> 20);
             return Ok(Outcome::Refused(format!(
-                "The file has {bytes} MiB; a recording may have {most} MiB. Cut it into attempts, or ask an administrator to \
-                 raise `max_bytes` under [uploads] in the settings."
+                "The file has {bytes} MiB; a recording may have {most} MiB. Cut it into attempts, or ask an administrator \
+                 to raise `max_bytes` under [uploads] in the settings."
             )));
         }
         let place = self.folder.join(&file.path);
@@ -141,8 +141,8 @@ impl Inbox {
             return Ok(Outcome::Taken);
         }
         Ok(Outcome::Refused(format!(
-            "The service has this recording as session {} of another person than people.csv says. If that is wrong, move the \
-             session on its page.",
+            "The service has this recording as session {} of another person than people.csv says. If that is wrong, move \
+             the session on its page.",
             session.id
         )))
     }

@@ -22,8 +22,8 @@ pub struct RetentionSettings {
     /// Months for which the log of who opened whose recordings is kept. More: trainees can look back further; fewer: less
     /// is stored about the staff. 0: as long as the trainee. Default 24.
     pub access_log_months: u32,
-    /// Days for which a recording waits for a name; then it is deleted. More: there is more time to recognise the person;
-    /// fewer: recordings without a known consent are gone earlier. 1 to 365, default 30.
+    /// Days for which a recording waits for a name; then it is deleted. More: there is more time to recognise the
+    /// person; fewer: recordings without a known consent are gone earlier. 1 to 365, default 30.
     pub unnamed_days: u32,
 }
 

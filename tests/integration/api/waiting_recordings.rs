@@ -1,4 +1,5 @@
-//! Recordings that wait for a name: who sends and sees them, what comes of them, and that they are measured only with a name.
+//! Recordings that wait for a name: who sends and sees them, what comes of them, and that they are measured only with a
+//! name.
 
 use std::sync::Arc;
 use std::time::Duration;
