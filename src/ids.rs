@@ -110,6 +110,8 @@ ids! {
     ConsentTextId;
     /// A decision of a trainee about recordings.
     ConsentId;
+    /// A certificate that was issued.
+    CertificateId;
     /// A recording that arrives frame by frame. Its sender makes the id.
     FeedId;
     /// An order to score a task's sessions again.

@@ -10,6 +10,7 @@
 //! | [`single_sign_on`] | what an account at a provider means here: role, name, login |
 //! | [`password_state`] | who chose a password, and who must change it |
 //! | [`centre`] | the centre's logo |
+//! | [`certificate`] | certificates: what they say, their states, keys and signatures |
 //! | [`boxes`] | a box trainer: its camera's viewpoint and its tools |
 //! | [`trainee`] | level and handedness |
 //! | [`consent`] | consent to recordings: texts, decisions, the rule for new recordings |
@@ -57,6 +58,7 @@ pub mod calibration;
 pub mod camera_limits;
 pub mod camera_warning;
 pub mod centre;
+pub mod certificate;
 pub mod clock;
 pub mod cohort;
 pub mod comment;
