@@ -43,8 +43,19 @@ const SERVICE: &[&[&str]] = &[WEB, DATABASE, VIDEO];
 
 /// The modules of the science. `http` shows stored results and computes none.
 const SCIENCE: [&str; 6] = ["numbers", "vision", "motion", "statistics", "simulation", "checks"];
-const SERVICES: &[&str] =
-    &["queue", "analysis", "intake", "live", "capture", "cohorts", "rescoring", "events", "access_log", "upkeep"];
+const SERVICES: &[&str] = &[
+    "queue",
+    "analysis",
+    "intake",
+    "live",
+    "capture",
+    "certificates",
+    "cohorts",
+    "rescoring",
+    "events",
+    "access_log",
+    "upkeep",
+];
 const RIM: &[&str] = &["http", "commands", "settings"];
 /// What a simulated camera delivers and where things are; not how the tracker finds them.
 const SCENE: &[&str] = &["vision::camera", "vision::space", "vision::frame", "vision::trajectory"];
@@ -72,6 +83,7 @@ const MODULES: &[Module] = &[
     Module { name: "intake", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "live", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "capture", layer: 4, beside: SERVICES, banned: SERVICE },
+    Module { name: "certificates", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "cohorts", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "rescoring", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "events", layer: 4, beside: SERVICES, banned: SERVICE },
