@@ -10,6 +10,8 @@ use crate::domain::attention::AttentionKind;
 use crate::domain::blob::BlobHash;
 use crate::domain::calibration::CalibrationSource;
 use crate::domain::centre::LogoFormat;
+use crate::domain::certificate::key::CertificateKeyId;
+use crate::domain::certificate::{CertificateCode, CertificateEventKind, CertificateLanguage, CertificateState};
 use crate::domain::consent::{ConsentDecision, ConsentMeans};
 use crate::domain::edit::EditKind;
 use crate::domain::erasure::ErasedKind;
@@ -29,10 +31,7 @@ use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, 
 use crate::domain::trainee::{Handedness, Level};
 use crate::domain::waiting_recording::RecordingSource;
 use crate::ids::{
-    BoxId, CalibrationId, CohortId, CommentId, ConsentId, ConsentTextId, CourseId, DismissalId, EditId, ErrorListId,
-    ErrorMarkId, ErrorSheetId, FeedId, GroupId, IdentityId, InstallationId, JobId, LeaseToken, ModelId, MoveId,
-    PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, ScoreFormulaId, SelfTestId, SessionId,
-    StandardId, TaskId, TokenId, TraineeId, UploadId, WaitingRecordingId,
+    BoxId, CalibrationId, CertificateId, CohortId, CommentId, ConsentId, ConsentTextId, CourseId, DismissalId, EditId, ErrorListId, ErrorMarkId, ErrorSheetId, FeedId, GroupId, IdentityId, InstallationId, JobId, LeaseToken, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, ScoreFormulaId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId, WaitingRecordingId,
 };
 use crate::motion::features::{self, Feature};
 use crate::time::Day;
@@ -86,6 +85,7 @@ as_shown! {
     BoxQuestion RecordedAtSource EarlyEndCause ErasedKind PasswordState LogoFormat DismissalId AttentionKind
     ErrorListId ScoreFormulaId ErrorSheetId ErrorMarkId Supervision SessionOutcome ConsentId ConsentTextId ConsentDecision ConsentMeans
     WaitingRecordingId RecordingSource
+    CertificateId CertificateCode CertificateKeyId CertificateLanguage CertificateState CertificateEventKind
 }
 
 as_stored! {

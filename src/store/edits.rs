@@ -11,12 +11,14 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::audit::note;
+use super::certificates;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::{enqueue_rescore_if_outdated, enqueue_track};
 use super::sessions::SELECT_CURRENT_RESULT;
 use super::visibility::require_staff;
 use super::{Scope, Store};
 use crate::domain::blob::BlobHash;
+use crate::domain::certificate::CertificateEventKind;
 use crate::domain::clock::TimeCorrection;
 use crate::domain::edit::{EditChange, EditKind, EditsInForce, ScoreState};
 use crate::domain::job::JobState;
@@ -217,6 +219,7 @@ impl EditStore<'_> {
                 let kind = change.kind();
                 refuse_if_open(tx, session, kind).await?;
                 refuse_if_changed(tx, session, kind, basis).await?;
+                certificates::mark(tx, &by, &[session], CertificateEventKind::SessionChanged, now_ms).await?;
                 insert(tx, (id, session, by.person()), &change, why, now_ms).await?;
                 settle_box_question(tx, session).await?;
                 enqueue_new_score(tx, session, kind, now_ms, attempts).await?;
@@ -239,6 +242,7 @@ impl EditStore<'_> {
                 if update.rows_affected() == 0 {
                     return Ok(());
                 }
+                certificates::mark(tx, &by, &[session], CertificateEventKind::SessionChanged, now_ms).await?;
                 settle_box_question(tx, session).await?;
                 enqueue_new_score(tx, session, edit.kind, now_ms, attempts).await?;
                 note(tx, &by, now_ms, ("undo", "session_edit"), id).await

@@ -51,6 +51,7 @@
 //! | [`Store::access_log`] | `write` `of_trainee` `forget` |
 //! | [`Store::installation`] | `id` `backup_folder` `set_backup_folder` |
 //! | [`Store::centre`] | `get` `logo` `set_name` `set_logo` |
+//! | [`Store::certificates`] | `signer` `keys` `replace_key` `issuer` `add` `list` `get` `events` `pdf` `keep` `withdraw` `reinstate` `published` |
 //! | [`Store::first_steps`] | `get` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
 
@@ -62,6 +63,7 @@ mod box_versions;
 mod boxes;
 mod calibrations;
 mod centre;
+mod certificates;
 mod codes;
 mod cohorts;
 mod columns;
@@ -131,6 +133,10 @@ pub use box_versions::{BoxVersionStore, SessionSetup, UsedVersion};
 pub use boxes::{BoxRecord, BoxStore};
 pub use calibrations::{CalibrationRecord, CalibrationStore};
 pub use centre::{CentreRecord, CentreStore};
+pub use certificates::{
+    CertificateEvent, CertificateFilter, CertificateKeyRecord, CertificateRecord, CertificateStore, IssuedCertificate,
+    PublicCertificate,
+};
 pub use cohorts::{CohortRecord, CohortStore, CohortValue};
 pub use comments::{CommentRecord, CommentStore, VisibleComments};
 pub use consents::{ConsentEffect, ConsentRecord, ConsentStore, ConsentTextRecord, TraineeConsent};
@@ -484,6 +490,8 @@ accessors! {
     installation: InstallationStore;
     /// The centre's name and logo.
     centre: CentreStore;
+    /// Certificates, and the keys that sign them.
+    certificates: CertificateStore;
     /// What a new centre has, and lacks.
     first_steps: FirstStepsStore;
     /// Accounts of trainees, and links for their passwords.

@@ -10,6 +10,7 @@ use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
 use super::audit::note;
+use super::certificates;
 use super::consents::require_consent;
 use super::edits::settle_box_question;
 use super::error::{StoreError, StoreResult, missing, not_found};
@@ -19,6 +20,7 @@ use super::skill_models;
 use super::visibility::{BindScope, require_staff, require_trainee};
 use super::{Scope, Store};
 use crate::domain::blob::BlobHash;
+use crate::domain::certificate::CertificateEventKind;
 use crate::domain::job::JobState;
 use crate::domain::session_move::MovedPart;
 use crate::domain::text::{Name, Remark};
@@ -186,6 +188,7 @@ impl SessionMoveStore<'_> {
                 if is_other_box && !is_import {
                     refuse_if_open(tx, session).await?;
                 }
+                mark_certificates(tx, &by, session, [from, to], now_ms).await?;
                 if is_other_work {
                     skill_models::withdraw_of_session(tx, session, now_ms).await?;
                 }
@@ -221,6 +224,24 @@ impl SessionPlace {
             in_box: to.in_box.unwrap_or(self.in_box),
         }
     }
+}
+
+/// Puts certificates that rely on the session under review, with what the move changed first.
+async fn mark_certificates(
+    tx: &mut SqliteConnection,
+    by: &Scope,
+    session: SessionId,
+    [from, to]: [SessionPlace; 2],
+    now_ms: i64,
+) -> StoreResult<()> {
+    let kind = if from.trainee != to.trainee {
+        CertificateEventKind::MovedToPerson
+    } else if from.task != to.task {
+        CertificateEventKind::MovedToTask
+    } else {
+        CertificateEventKind::MovedToBox
+    };
+    certificates::mark(tx, by, &[session], kind, now_ms).await
 }
 
 /// Queues what the session lacks in its box: its tracking, or a score with the edits that were made elsewhere.

@@ -1,9 +1,11 @@
 //! Marks that a member of staff saw the attempt that a session shows.
 
 use super::super::audit::note;
+use super::super::certificates;
 use super::super::error::{StoreResult, not_found};
 use super::super::visibility::require_staff;
 use super::{SessionRecord, SessionStore};
+use crate::domain::certificate::CertificateEventKind;
 use crate::domain::session::Supervision;
 use crate::ids::SessionId;
 use crate::store::Scope;
@@ -29,6 +31,7 @@ impl SessionStore<'_> {
                 if update.execute(&mut *tx).await?.rows_affected() == 0 {
                     return Err(not_found("session"));
                 }
+                certificates::mark(tx, &by, &[id], CertificateEventKind::SessionChanged, now_ms).await?;
                 note(tx, &by, now_ms, (action, "session"), id).await
             })
             .await?;

@@ -10,9 +10,10 @@ use super::super::jobs::{self, enqueue_track};
 use super::super::retention::forget_box_jobs_of_session;
 use super::super::sender_limits::check_day;
 use super::super::visibility::{require_staff, require_trainee};
-use super::super::{Scope, blobs, edits, skill_models};
+use super::super::{Scope, blobs, certificates, edits, skill_models};
 use super::{SessionRecord, SessionStore};
 use crate::domain::blob::BlobHash;
+use crate::domain::certificate::CertificateEventKind;
 use crate::domain::job::{ImportInput, JobInput, JobState};
 use crate::domain::session::{ForeignPath, NewSession, RecordedAtSource, Supervision};
 use crate::ids::{BoxId, JobId, PersonId, ResultId, SessionId, TaskId, TraineeId};
@@ -156,6 +157,7 @@ impl SessionStore<'_> {
                 async move |tx| {
                     skill_models::withdraw_of_session(tx, id, now_ms).await?;
                     forget_box_jobs_of_session(tx, id).await?;
+                    certificates::mark(tx, &scope, &[id], CertificateEventKind::SessionErased, now_ms).await?;
                     let delete = if is_arriving { DELETE_ARRIVING_SESSION } else { DELETE_SESSION };
                     let deleted = sqlx::query(delete).bind(id).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {
