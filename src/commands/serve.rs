@@ -24,6 +24,7 @@ use super::{CommandFailure, restrict_new_files_to_owner};
 use crate::access_log::AccessLog;
 use crate::analysis::stored_rows::StoredIndexes;
 use crate::analysis::{AnalysisSettings, QuickAnalysis, WorkerPool};
+use crate::certificates::Certificates;
 use crate::cohorts::Cohorts;
 use crate::domain::password_state::PasswordState;
 use crate::domain::role::Role;
@@ -249,6 +250,7 @@ pub async fn start(
         rights: settings.rights,
         service_info: service_info(&settings, clock.now_ms()),
         shutdown: shutdown.clone(),
+        certificates: Certificates::new(&store, &clock),
         cohorts: Cohorts::new(store.clone(), clock.clone()),
         quick_analysis,
         store,

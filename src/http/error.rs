@@ -429,7 +429,7 @@ pub fn busy(detail: &str) -> ProblemResponse {
 }
 
 /// The error's text with a capital first letter.
-fn capitalised(error: &impl Display) -> String {
+pub(in crate::http) fn capitalised(error: &impl Display) -> String {
     let text = error.to_string();
     let mut letters = text.chars();
     letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()

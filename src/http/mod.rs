@@ -32,6 +32,7 @@ mod base_url;
 pub mod boxes;
 pub mod centre;
 mod certificate_end;
+pub mod certificates;
 pub mod client_address;
 pub mod cohorts;
 pub mod compress;

@@ -15,9 +15,9 @@ use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{account, attention, centre, first_steps, service};
 use super::{
-    boxes, cohorts, consent_texts, courses, dashboard, data_export, docs, events, features, feed, feedback, groups,
-    health, jobs, observe, password_links, people, protect, push, replaced_routes, rescorings, scheme, sessions,
-    single_sign_on, tasks, tokens,
+    boxes, certificates, cohorts, consent_texts, courses, dashboard, data_export, docs, events, features, feed,
+    feedback, groups, health, jobs, observe, password_links, people, protect, push, replaced_routes, rescorings,
+    scheme, sessions, single_sign_on, tasks, tokens,
 };
 use super::{error, openapi, trainees, uploads, waiting_recordings};
 
@@ -34,6 +34,7 @@ fn api_routes() -> OpenApiRouter<App> {
         .merge(course_routes())
         .merge(session_routes())
         .merge(waiting_recording_routes())
+        .merge(certificate_routes())
         .merge(upload_routes())
         .merge(operation_routes())
         .merge(replaced_routes::replaced_routes())
@@ -222,6 +223,22 @@ fn waiting_recording_routes() -> OpenApiRouter<App> {
         .routes(routes!(waiting_recordings::get, waiting_recordings::discard))
         .routes(routes!(waiting_recordings::video))
         .routes(routes!(waiting_recordings::preview))
+}
+
+/// Certificates, and what anyone may read about them.
+fn certificate_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(certificates::list))
+        .routes(routes!(certificates::issue))
+        .routes(routes!(certificates::get))
+        .routes(routes!(certificates::pdf))
+        .routes(routes!(certificates::keep))
+        .routes(routes!(certificates::withdraw))
+        .routes(routes!(certificates::reinstate))
+        .routes(routes!(certificates::check_file))
+        .routes(routes!(certificates::check))
+        .routes(routes!(certificates::keys, certificates::replace_key))
+        .routes(routes!(certificates::key))
 }
 
 /// Jobs, the state of the service, events, and this description.

@@ -17,6 +17,7 @@ use super::single_sign_on::SingleSignOn;
 use crate::access_log::AccessLog;
 use crate::analysis::QuickAnalysis;
 use crate::analysis::stored_rows::StoredIndexes;
+use crate::certificates::Certificates;
 use crate::cohorts::Cohorts;
 use crate::domain::rights::RightsSettings;
 use crate::events::EventBus;
@@ -67,6 +68,8 @@ pub struct AppParts {
     pub single_sign_on: Option<SingleSignOn>,
     /// Queues for the hashes of passwords.
     pub password_hasher: PasswordHasher,
+    /// Issues certificates.
+    pub certificates: Certificates,
     /// Standards, reference groups, progress.
     pub cohorts: Cohorts,
     /// Live feeds: recordings arriving frame by frame.

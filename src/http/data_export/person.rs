@@ -10,6 +10,7 @@ use crate::domain::blob::BlobHash;
 use crate::domain::edit::EditsInForce;
 use crate::domain::text::{Key, Name};
 use crate::http::account::SignInEntry;
+use crate::http::certificates::CertificateHistory;
 use crate::http::people::PersonResponse;
 use crate::http::service::AuditChange;
 use crate::http::sessions::{EditsResponse, MoveResponse, SessionResponse, write_edited_csv};
@@ -18,7 +19,7 @@ use crate::http::single_sign_on::IdentityResponse;
 use crate::http::trainees::{AccessEntryResponse, ConsentResponse, RetentionResponse, TraineeResponse};
 use crate::http::waiting_recordings::{RecordingProposal, WaitingRecordingResponse};
 use crate::ids::SessionId;
-use crate::store::{PageRequest, SessionFilter, SessionOpening, SessionRecord, TraineeRecord};
+use crate::store::{CertificateFilter, PageRequest, SessionFilter, SessionOpening, SessionRecord, TraineeRecord};
 use crate::time::Day;
 use crate::vault::VaultError;
 
@@ -47,6 +48,8 @@ consent.json       whether the person consents to recordings, and all decisions
 retention.json     for how long videos are kept
 waiting_recordings.json  recordings that wait for a name, and that the list in the watched folder
                    gives to this person
+certificates.json  certificates, with what happened to them
+certificates/      the signed files
 access.json        who opened this person's recordings, and exported them: the newest 10,000 entries; left out in the
                    export of an instructor
 sessions/…/        one folder for each session:
@@ -101,6 +104,7 @@ pub(super) fn add(
     job.app.note_export(&job.scope, trainee.id);
     archive.add_json(&format!("{below}profile.json"), &job.wait(profile(job, trainee))?)?;
     add_consent(job, trainee, below, archive)?;
+    add_certificates(job, trainee, below, archive)?;
     let filter = SessionFilter { trainee: Some(Key::from(&trainee.id)), ..SessionFilter::default() };
     let mut after = None;
     loop {
@@ -177,6 +181,33 @@ fn add_consent(
         }
     }
     archive.add_json(&format!("{below}access.json"), &entries)
+}
+
+/// Adds the certificates, with their signed files.
+fn add_certificates(
+    job: &ExportJob,
+    trainee: &TraineeRecord,
+    below: &str,
+    archive: &mut Archive,
+) -> Result<(), ExportFailure> {
+    let (store, scope) = (&job.app.store, &job.scope);
+    let filter = CertificateFilter { trainee: Some(trainee.id), state: None };
+    let (mut all, mut after) = (Vec::new(), None);
+    loop {
+        let page = job.wait(store.certificates().list(scope, filter, &PageRequest::new(ROUND, after)))?;
+        for certificate in page.items {
+            let id = certificate.id;
+            let events = job.wait(store.certificates().events(scope, id))?;
+            let file = job.wait(store.certificates().pdf(scope, id))?;
+            let day = &certificate.content.issued_on;
+            archive.add_file(&format!("{below}certificates/{day}-{id}.pdf"), file.as_slice())?;
+            all.push(CertificateHistory::new(certificate, events, scope));
+        }
+        after = page.next;
+        if after.is_none() {
+            return archive.add_json(&format!("{below}certificates.json"), &all);
+        }
+    }
 }
 
 /// Adds the entries of the audit trail about a trainee, unless an instructor exports: they name staff of other groups.

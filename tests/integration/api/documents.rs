@@ -57,7 +57,11 @@ async fn every_operation_describes_its_problems_and_who_may_ask() {
                 | "/api/v1/single-sign-on/finish"
                 | "/api/v1/password-links/open"
                 | "/api/v1/password-links/use"
-        ) || (method == "get" && matches!(path.as_str(), "/api/v1/centre" | "/api/v1/centre/logo"));
+                | "/api/v1/certificate-checks"
+                | "/api/v1/certificate-checks/{code}"
+                | "/api/v1/certificate-keys/{id}"
+        ) || (method == "get"
+            && matches!(path.as_str(), "/api/v1/centre" | "/api/v1/centre/logo" | "/api/v1/certificate-keys"));
         if !public {
             let refused = &responses.get("401").unwrap_or_else(|| panic!("{what} without 401"))["content"];
             assert!(refused["application/problem+json"].is_object(), "{what}: {refused}");

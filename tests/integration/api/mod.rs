@@ -9,6 +9,7 @@ mod box_question;
 mod box_versions;
 pub mod centre;
 mod centre_name;
+mod certificates;
 mod consent;
 mod courses;
 mod data_export;

@@ -66,7 +66,8 @@ impl Rule {
                 Some(signed_in) => signed_in.chars().nth(side).unwrap(),
                 None => self.answers[role].chars().nth(side).unwrap(),
             },
-            None if self.subject == "public" => 'y',
+            // A stranger gets what an agent gets.
+            None if self.subject == "public" => self.answers[0].chars().nth(side).unwrap(),
             None => 'x',
         }
     }

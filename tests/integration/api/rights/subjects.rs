@@ -180,9 +180,22 @@ impl FilledCentre {
                 read(self.centre.administrator.put(&path, following).await, StatusCode::OK).await;
                 return Subject::of(text(group));
             }
+            "certificate" => return Subject::of(self.certificate(side).await),
             _ => return self.make_of_session(kind, side, caller, number).await,
         };
         Subject::of(text(&self.centre.administrator.make(&format!("/api/v1/{noun}"), body).await["id"]))
+    }
+
+    /// The certificate of Ada, or of Bob.
+    async fn certificate(&self, side: usize) -> String {
+        let administrator = &self.centre.administrator;
+        let by = json!({"method": "fixed", "limit": 500.0, "unit": "s"});
+        let standard =
+            json!({"targets": [{"feature": "duration", "by": by}], "rule": {"in_a_row": 1}, "valid_from": "beginning"});
+        administrator.make("/api/v1/tasks/task-one/standards", standard).await;
+        import(administrator, ["ada", "bob"][side], 100 + side as u32).await;
+        let path = format!("/api/v1/trainees/{}/certificates", ["ada", "bob"][side]);
+        text(&administrator.make(&path, json!({"task": "task-one", "language": "de"})).await["id"])
     }
 
     /// A new box, and the version of its camera.
@@ -347,11 +360,12 @@ async fn callers(centre: &Centre) -> Vec<Caller> {
 
 /// Imports ten seconds of a path and waits until they are scored.
 async fn import(by: &Client, trainee: &str, number: u32) -> String {
-    let mut table = "frame,time_s,tool,x_mm,y_mm,z_mm\n".to_owned();
+    let mut table = "frame,time_s,tool,x_mm,y_mm,z_mm,sigma_xy_mm,sigma_z_mm\n".to_owned();
     for frame in 0..250 {
         let time = f64::from(frame) * 0.04;
-        let (x, y) = (40.0 * (time * 1.3).sin(), 20.0 * (time * 0.7).cos() + f64::from(number));
-        table += &format!("{frame},{time},left,{x},{y},150\n");
+        let at = time.clamp(1.0, 9.0); // at rest for the first and the last second
+        let (x, y) = (40.0 * (at * 1.3).sin(), 20.0 * (at * 0.7).cos() + f64::from(number));
+        table += &format!("{frame},{time},left,{x},{y},150,0.1,0.4\n");
     }
     let path = format!("/api/v1/sessions/import?trainee={trainee}&task=task-one&box=box-one");
     let sent = by.request(Method::POST, &path).header(header::CONTENT_TYPE, "text/csv").body(table);
