@@ -32,6 +32,7 @@ mod table;
 mod track;
 mod upload;
 mod verdict;
+mod verify;
 
 /// Measures how surgeons move in a laparoscopic box trainer.
 #[derive(Parser)]
@@ -65,6 +66,8 @@ enum Command {
     Evaluate(evaluate::EvaluateArgs),
     /// Send a folder of old recordings to the service: first shows what would happen, then sends.
     Upload(upload::UploadArgs),
+    /// Verify a certificate: is it genuine, what does it say, is it still valid?
+    Verify(verify::VerifyArgs),
     /// Manage accounts and tokens, back up the data, check database and files.
     Admin(admin::AdminArgs),
     /// Run as a confined child process of the service; not for people.
@@ -86,6 +89,7 @@ pub fn run(cli: Cli) -> Result<(), CommandFailure> {
         Command::Simulate(args) => simulate::run(args),
         Command::Evaluate(args) => evaluate::run(args),
         Command::Upload(args) => upload::run(args),
+        Command::Verify(args) => verify::run(args),
         Command::Admin(args) => admin::run(args),
         Command::Child(args) => child::run(args),
     }

@@ -166,6 +166,11 @@ impl DataFolder {
     }
 }
 
+/// Opens the database of a data folder without changing anything in it, for a command that only reads.
+pub(super) async fn open_store_to_read(settings: &Settings) -> Result<Store, CommandFailure> {
+    Ok(DataFolder::open_to_read(settings).await?.store)
+}
+
 /// Prints one line for each file.
 fn print_lost(files: &[LostFile]) {
     for file in files {

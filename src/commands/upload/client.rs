@@ -40,7 +40,8 @@ pub struct ServiceClient {
     port: u16,
     /// The path that the service lies under; usually empty.
     base_path: String,
-    token: HeaderValue,
+    /// `None`: the requests are those of a stranger.
+    token: Option<HeaderValue>,
     tls: Option<TlsConnector>,
 }
 
@@ -97,6 +98,19 @@ impl ServiceClient {
     /// # Errors
     /// The address is invalid, the token cannot be read, or the system trusts no certificates; the text is for users.
     pub fn new(address: &str, token_file: &Path) -> Result<Self, String> {
+        let shown = token_file.display();
+        let token = std::fs::read_to_string(token_file)
+            .map_err(|error| format!("the token cannot be read from {shown}: {error}"))?;
+        let token = HeaderValue::from_str(&format!("Bearer {}", token.trim()))
+            .map_err(|_| format!("{shown} contains no valid token"))?;
+        Ok(Self { token: Some(token), ..Self::anonymous(address)? })
+    }
+
+    /// A client without a token, for what the service answers to anyone.
+    ///
+    /// # Errors
+    /// As [`ServiceClient::new`].
+    pub fn anonymous(address: &str) -> Result<Self, String> {
         let expected =
             || format!("`{address}` is not a server address; expected http://HOST[:PORT] or https://HOST[:PORT]");
         let uri: Uri = address.parse().map_err(|_| expected())?;
@@ -107,17 +121,12 @@ impl ServiceClient {
         };
         let authority = uri.authority().filter(|host| !host.as_str().contains('@')).ok_or_else(expected)?;
         let port = authority.port_u16().unwrap_or(if scheme == Scheme::Https { 443 } else { 80 });
-        let shown = token_file.display();
-        let token = std::fs::read_to_string(token_file)
-            .map_err(|error| format!("the token cannot be read from {shown}: {error}"))?;
-        let token = HeaderValue::from_str(&format!("Bearer {}", token.trim()))
-            .map_err(|_| format!("{shown} contains no valid token"))?;
         Ok(Self {
             scheme,
             host: authority.host().to_owned(),
             port,
             base_path: uri.path().trim_end_matches('/').to_owned(),
-            token,
+            token: None,
             tls: if scheme == Scheme::Https { Some(tls_connector()?) } else { None },
         })
     }
@@ -184,7 +193,9 @@ impl ServiceClient {
     ) -> Result<Answer, RequestError> {
         let host = HeaderValue::from_str(&format!("{}:{}", self.host, self.port)).map_err(broken)?;
         headers.insert(header::HOST, host);
-        headers.insert(header::AUTHORIZATION, self.token.clone());
+        if let Some(token) = &self.token {
+            headers.insert(header::AUTHORIZATION, token.clone());
+        }
         let path = if path.starts_with(&format!("{}/api/v1/", self.base_path)) {
             path.to_owned()
         } else {

@@ -4,7 +4,7 @@
 //! Without `--send` nothing is sent: the command shows what would happen, and every problem at once. It can be ended at any
 //! moment and run again: the service takes each recording once, and unfinished uploads continue where they stopped.
 
-mod client;
+pub(super) mod client;
 mod directory;
 mod files;
 mod journal;
