@@ -395,6 +395,31 @@ export const api = {
     /** @param {string} id @param {boolean} videos */
     dataAddress: (id, videos) => address(['trainees', id, 'data.zip'], { videos: String(videos) }),
   },
+  certificates: {
+    /** @param {ApiQueryOf<'GET', ['certificates']>} [query] @param {AbortSignal} [signal] */
+    page: (query, signal) => request('GET', ['certificates'], { query, signal }),
+    /** With what happened to it. @param {string} id @param {AbortSignal} [signal] */
+    get: (id, signal) => request('GET', ['certificates', id], { signal }),
+    /** @param {string} trainee @param {ApiBody<'POST', ['trainees', string, 'certificates']>} json */
+    issue: (trainee, json) => request('POST', ['trainees', trainee, 'certificates'], { json }),
+    /** @param {string} id @param {string} reason */
+    keep: (id, reason) => request('POST', ['certificates', id, 'keep'], { json: { reason } }),
+    /** @param {string} id @param {string} reason */
+    withdraw: (id, reason) => request('POST', ['certificates', id, 'withdraw'], { json: { reason } }),
+    /** @param {string} id @param {string} reason */
+    reinstate: (id, reason) => request('POST', ['certificates', id, 'reinstate'], { json: { reason } }),
+    /** @param {string} id */
+    pdfAddress: id => address(['certificates', id, 'pdf']),
+    /** What anyone may know of the certificate with this code. @param {string} code @param {AbortSignal} [signal] */
+    check: (code, signal) => request('GET', ['certificate-checks', code], { signal }),
+    /** @param {Blob} picture */
+    checkFile: picture => request('POST', ['certificate-checks'], { picture }),
+    /** The public keys, newest first. @param {AbortSignal} [signal] */
+    keys: signal => request('GET', ['certificate-keys'], { signal }).then(page => page.items),
+    replaceKey: () => request('POST', ['certificate-keys']),
+    /** @param {string} id */
+    keyAddress: id => address(['certificate-keys', id]),
+  },
   consentTexts: {
     /** The published versions, newest first. @param {AbortSignal} [signal] */
     all: signal => request('GET', ['consent-texts'], { signal }).then(page => page.items),

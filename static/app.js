@@ -58,6 +58,10 @@ const PROVIDER_ANSWER = 'single-sign-on';
 /** The provider's answer in the address; null at other addresses. */
 const answerInAddress = () => (currentRoute().path.join('/') === PROVIDER_ANSWER ? currentRoute().query : null);
 
+/** The public page of a certificate, which needs no sign-in. */
+const VERIFY = 'verify';
+const loadPublicCertificate = () => import('./pages/verify.js').then(module => module.PublicCertificate);
+
 const loadProviderAnswer = () => import('./pages/single_sign_on.js').then(module => module.ProviderAnswer);
 const loadPasswordByLink = () => import('./pages/choose_password.js').then(module => module.PasswordByLink);
 const loadFirstPassword = () => import('./pages/choose_password.js').then(module => module.FirstPassword);
@@ -106,6 +110,8 @@ function App() {
   };
   // The same as index.html has: Preact keeps what the first result does not replace.
   if (person === undefined && !problem) return html`<header class="top"><a class="brand" href=${href([])}><${Brand} />${t.product}</a></header>`;
+  const [first, code] = currentRoute().path;
+  if (first === VERIFY) return html`<${Gate} load=${loadPublicCertificate} code=${code} />`;
   if (linkSecret !== null) {
     const leave = signedIn => {
       replace([]);

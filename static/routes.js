@@ -17,6 +17,7 @@ const PAGES = [
   { pattern: '/trainees/:id', nav: 'trainees', load: () => import('./pages/trainee.js') },
   { pattern: '/trainees/:id/report', nav: 'trainees', load: () => import('./pages/trainee_report.js') },
   { pattern: '/trainees/:id/certificate', nav: 'trainees', load: () => import('./pages/certificate.js') },
+  { pattern: '/certificates', nav: 'trainees', needs: 'see_trainees', load: () => import('./pages/certificates.js') },
   { pattern: '/tasks', nav: 'tasks', needs: 'edit_tasks', load: () => import('./pages/tasks.js') },
   { pattern: '/tasks/:id', nav: 'tasks', needs: 'edit_tasks', load: () => import('./pages/task.js') },
   { pattern: '/groups', nav: 'groups', needs: 'see_trainees', load: () => import('./pages/groups.js') },

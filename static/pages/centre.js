@@ -6,6 +6,7 @@ import { asProblem } from '../data.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { logoPicture } from '../parts/centre/logo_picture.js';
+import { CertificateKeys } from '../parts/centre/certificate_keys.js';
 import { Form } from '../parts/forms/form.js';
 import { Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { CentreLetterhead, CentreMark } from '../parts/page/centre_mark.js';
@@ -28,6 +29,7 @@ export default function CentrePage() {
         <${LogoCard} centre=${centre} onSaved=${done(words.logoSaved)} onRemoved=${() => done(words.logoRemoved)({ ...centre, logo_version: null })} />
       </div>
       <${Example} />
+      <${CertificateKeys} />
     </div>`;
 }
 

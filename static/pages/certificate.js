@@ -1,12 +1,14 @@
-// A certificate on one sheet of paper, for a trainee who has met a task's standard; otherwise the page says what is
-// missing.
+// What a certificate says, as a sheet without a signature, for a trainee who has met a task's standard; staff issue the signed
+// certificate here. Otherwise the page says what is missing.
 import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { date } from '../format.js';
+import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
 import { featureWithTool } from '../translate.js';
+import { CertificatesCard, IssueNotice } from '../parts/people/certificates.js';
 import { Empty, Loading, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { Provenance, reference, Sheet } from '../parts/page/report.js';
 import { limitText } from '../parts/tasks/standard.js';
@@ -14,7 +16,7 @@ import { limitText } from '../parts/tasks/standard.js';
 const words = t.certificate;
 
 /** @param {Props} props */
-export default function Certificate({ route }) {
+export default function Certificate({ person, route }) {
   const { id } = route.params;
   const task = route.query.get('task') ?? undefined;
   const { data, problem, reload } = useData(signal => load(id, task, signal), [id, task]);
@@ -24,17 +26,28 @@ export default function Certificate({ route }) {
   if (!data.passed)
     return html`<${PageHead} title=${words.title} lead=${[data.trainee.name, data.task?.name].filter(Boolean).join(', ')} />
       <section class="card"><${Empty} title=${words.refused} body=${whyNot(data)}>
-        <a class="button" href=${href(['trainees', id], { task })}>${words.back}</a><//></section>`;
-  return html`<${Paper} progress=${data} />`;
+        <a class="button" href=${href(['trainees', id], { task })}>${words.back}</a><//></section>
+      <${CertificatesCard} trainee=${data.trainee.id} person=${person} />`;
+  const passed = /** @type {PassedProgress & typeof data} */ (data);
+  const trainee = passed.trainee.id;
+  const isIssued = data.issued.some(one => one.task === passed.task.id && one.state !== 'withdrawn'
+    && one.content.standard.version === passed.standard.version);
+  return html`
+    <div class="report-bar stack">
+      ${!isIssued && may(person, 'edit_trainees') && html`<${IssueNotice} trainee=${trainee} task=${passed.task.id} onIssued=${reload} />`}
+      <${CertificatesCard} key=${data.issued.length} trainee=${trainee} person=${person} />
+    </div>
+    <${Paper} progress=${passed} />`;
 }
 
 /** The progress, with the version of the standard that was passed in place of the one in use. */
 async function load(id, task, signal) {
-  const progress = await api.trainees.progress(id, { task }, signal);
+  const [progress, { items: issued }] = await Promise.all([
+    api.trainees.progress(id, { task }, signal), api.certificates.page({ trainee: id, limit: 200 }, signal)]);
   const { passed, standard } = progress;
-  if (!progress.task || !passed || passed.standard === standard?.version) return progress;
+  if (!progress.task || !passed || passed.standard === standard?.version) return { ...progress, issued };
   const versions = await api.tasks.standards(progress.task.id, signal);
-  return { ...progress, standard: versions.find(one => one.version === passed.standard) };
+  return { ...progress, issued, standard: versions.find(one => one.version === passed.standard) };
 }
 
 /**

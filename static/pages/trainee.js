@@ -10,6 +10,7 @@ import { href, replace } from '../router.js';
 import { t } from '../texts.js';
 import { featureTitle, featureWithTool } from '../translate.js';
 import { AccessEntries } from '../parts/people/access_entries.js';
+import { CertificatesCard } from '../parts/people/certificates.js';
 import { ConsentCard } from '../parts/people/consent.js';
 import { RetentionCard } from '../parts/people/retention.js';
 import { StrengthsAndWeaknesses } from '../parts/people/strengths.js';
@@ -61,6 +62,7 @@ export default function Trainee({ person, route }) {
         : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}</div>
       ${may(person, 'edit_trainees') && html`<div class="columns"><${ConsentCard} trainee=${trainee.id} mayEdit />
         <${RetentionCard} trainee=${trainee.id} name=${trainee.name} mayEdit /></div>`}
+      <${CertificatesCard} trainee=${trainee.id} person=${person} />
       <${OwnData} trainee=${id} />
       ${may(person, 'people') && html`<${AccessEntries} trainee=${trainee.id} />`}
     </div>`;

@@ -9,6 +9,8 @@ declare global {
     box: Schemas['BoxResponse'] & BoxParts;
     calibrations: Schemas['CalibrationResponse'][];
     calibration: Schemas['BoxResponse']['calibration'];
+    certificate: Schemas['CertificateResponse'];
+    certificates: Schemas['CertificateResponse'][];
     charts: NonNullable<Schemas['TraineeProgressResponse']['charts']>;
     correlations: Schemas['Correlations'];
     distribution: Schemas['Distribution'];
