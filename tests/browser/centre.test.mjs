@@ -166,6 +166,42 @@ test('the group’s table shows the pass, and the certificate prints on one side
   assert.equal(pagesOf(await printToPdf('certificate')), 1, 'one side of A4');
 });
 
+test('the certificate is issued; a stranger sees that it is valid, that a changed file is not, and that it was withdrawn', async () => {
+  await button('Issue certificate').click();
+  await page.locator('dialog').getByRole('button', { name: 'Issue certificate' }).click();
+  await page.locator('.certificates .pill', { hasText: 'Valid' }).waitFor();
+  await takePictures('07-issued');
+  const [certificate] = (await getJson(`certificates?trainee=${made.ada.id}`)).items;
+  made.code = certificate.content.code;
+  const file = await (await page.request.get(`${url}/api/v1/certificates/${certificate.id}/pdf`)).body();
+  const stranger = await person(browser, { prefix: 'centre-stranger-' });
+  await stranger.page.goto(`${url}/verify/${made.code}`);
+  await stranger.page.locator('.notice.good', { hasText: 'Valid' }).waitFor();
+  assert.match(await stranger.page.locator('main').innerText(), new RegExp(ADA));
+  await stranger.checkLooks?.('verify');
+  const choose = buffer => stranger.page.locator('input[type=file]').setInputFiles({ name: 'certificate.pdf', mimeType: 'application/pdf', buffer });
+  await choose(file);
+  await stranger.page.getByText('The file is genuine').waitFor();
+  await stranger.takePictures('08-verify');
+  const changed = Buffer.from(file);
+  changed[changed.length >> 1] ^= 1;
+  await choose(changed);
+  await stranger.page.getByText('The file was changed').waitFor();
+  await button('Withdraw').click();
+  await page.locator('dialog').getByLabel('Reason').fill('Another person was recorded.');
+  await page.locator('dialog').getByRole('button', { name: 'Withdraw' }).click();
+  await page.locator('.certificates .pill', { hasText: 'Withdrawn' }).waitFor();
+  await stranger.page.reload();
+  await stranger.page.locator('.notice.bad', { hasText: /^Withdrawn on/ }).waitFor();
+  await stranger.page.getByText('Another person was recorded.').waitFor();
+  await stranger.page.goto(`${url}/verify/0a1b2c3d4e5f6g7h8j9kambncp`);
+  await stranger.page.getByText('There is no such certificate').waitFor();
+  await open('/certificates?state=withdrawn');
+  await page.getByRole('link', { name: ADA }).waitFor();
+  await takePictures('09-certificates');
+  await stranger.page.context().close();
+});
+
 test('a task’s sessions are scored again: the page shows the progress, and what changed for each trainee', async () => {
   await page.goto(`${url}/tasks/${made.task.id}`);
   const card = page.locator('section.card', { has: page.getByRole('heading', { name: 'Score sessions again' }) });
@@ -334,7 +370,7 @@ test('in every look, no page of the centre is wider than the screen', async () =
   const pages = {
     groups: '/groups', group: `/groups/${made.group.id}${task}`, enrol: '/enrol', task: `/tasks/${made.task.id}`,
     trainee: `/trainees/${made.ada.id}${task}`, certificate: `/trainees/${made.ada.id}/certificate${task}`,
-    service: '/service', today: '/', upload: '/upload',
+    service: '/service', today: '/', upload: '/upload', certificates: '/certificates', verify: `/verify/${made.code}`,
   };
   for (const [name, path] of Object.entries(pages)) {
     await open(path);
