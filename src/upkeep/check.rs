@@ -7,10 +7,11 @@ use super::UpkeepResult;
 use super::backup::unless_stopped;
 use super::orphans::OrphanFiles;
 use crate::domain::blob::{Blob, BlobHash};
+use crate::domain::certificate::signed_file::{self, SignatureVerdict};
 use crate::domain::scope::Scope;
-use crate::ids::{FeedId, UploadId};
+use crate::ids::{CertificateId, FeedId, UploadId};
 use crate::shutdown::Shutdown;
-use crate::store::{BlobUse, Store};
+use crate::store::{BlobUse, CertificateFilter, PageRequest, Store, StoreError};
 use crate::vault::{FileLoss, Vault, VaultError, VaultResult};
 
 /// A problem that the check found.
@@ -38,6 +39,8 @@ pub enum Finding {
     DamagedFeed(FeedId, Vec<[u64; 2]>),
     /// A log without an unfinished feed: harmless; the service removes it.
     OrphanFeed(FeedId),
+    /// The file of a certificate is not as it was signed, or says something else than its row.
+    ChangedCertificate(CertificateId),
 }
 
 /// A file that the database refers to and that cannot be used, with what refers to it.
@@ -96,6 +99,9 @@ impl fmt::Display for Finding {
                      sender are lost; it sends the others again when it connects"
                 )
             }
+            Finding::ChangedCertificate(id) => {
+                write!(f, "certificate {id}: its file is not as it was signed; withdraw it, and issue it again")
+            }
             Finding::OrphanFeed(id) => write!(f, "log that no feed needs: {id} (the service removes it)"),
         }
     }
@@ -126,7 +132,35 @@ pub(super) async fn check_until(
         }
     }
     check_feeds(store, vault, &mut findings).await?;
+    check_certificates(store, stop, &mut findings).await?;
     Ok(findings)
+}
+
+/// Checks that the file of each certificate is as it was signed and says what its row says.
+async fn check_certificates(store: &Store, stop: &Shutdown, findings: &mut Vec<Finding>) -> UpkeepResult<()> {
+    let (service, all) = (Scope::service(), CertificateFilter::default());
+    let keys: Vec<_> = store.certificates().keys().await?.into_iter().map(|key| key.public).collect();
+    let mut after = None;
+    loop {
+        let page = PageRequest::new(PageRequest::MAX_LIMIT, after);
+        let page = unless_stopped(stop, store.certificates().list(&service, all, &page)).await?;
+        for certificate in page.items {
+            let file = match store.certificates().pdf(&service, certificate.id).await {
+                Err(StoreError::NotFound { .. }) => continue, // erased meanwhile
+                file => file?,
+            };
+            let verdict = signed_file::verify(&file, &keys);
+            let is_intact =
+                matches!(verdict, SignatureVerdict::Genuine { content, .. } if *content == certificate.content);
+            if !is_intact {
+                findings.push(Finding::ChangedCertificate(certificate.id));
+            }
+        }
+        after = page.next;
+        if after.is_none() {
+            return Ok(());
+        }
+    }
 }
 
 /// Checks that every unfinished feed has an intact log, and every log an unfinished feed. Logs are always read to the

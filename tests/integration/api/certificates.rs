@@ -7,6 +7,8 @@ use std::process::Output;
 
 use reqwest::{Method, Response, StatusCode, header};
 use serde_json::{Value, json};
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, Connection};
 
 use super::centre::Centre;
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
@@ -314,6 +316,27 @@ async fn a_replaced_key_still_verifies_and_its_secret_is_gone() {
     let other = Service::start().await;
     let file = pdf(&centre.administrator, &new).await;
     assert_eq!(check_file(&other.stranger(), file).await["signature"], "unknown_key");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_check_of_the_data_folder_finds_a_certificate_that_was_changed() {
+    let (centre, _) = with_pass().await;
+    let made = issue(&centre, "en").await;
+    let data = centre.service.stop().await;
+    let check = || program().args(["admin", "check", "--data"]).arg(data.path()).output().unwrap();
+    let said_of_it = |output: &Output| said(output).contains(made["id"].as_str().unwrap());
+    assert!(!said_of_it(&check()), "{}", said(&check()));
+    let options = SqliteConnectOptions::new().filename(data.path().join("trocar.db"));
+    let mut database = options.connect().await.unwrap();
+    let change = "UPDATE certificate SET pdf = CAST(replace(CAST(pdf AS TEXT), 'v1', 'v2') AS BLOB)";
+    let refused = sqlx::query(change).execute(&mut database).await.unwrap_err();
+    assert!(refused.to_string().contains("never changes"), "{refused}");
+    sqlx::query("DROP TRIGGER certificate_stays").execute(&mut database).await.unwrap();
+    sqlx::query(change).execute(&mut database).await.unwrap();
+    database.close().await.unwrap();
+    let found = check();
+    assert!(said_of_it(&found), "{}", said(&found));
+    assert_eq!(found.status.code(), Some(1));
 }
 
 #[tokio::test(flavor = "multi_thread")]
