@@ -426,6 +426,37 @@ CREATE TABLE "rating" (
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when given, epoch ms
 ) STRICT;
 
+CREATE TABLE record_merge (
+    id                TEXT PRIMARY KEY CHECK (length(id) = 36),               -- MergeId
+    kept_trainee_id   TEXT REFERENCES trainee (id) ON DELETE CASCADE,         -- the record that stays; NULL: of a box
+    merged_trainee_id TEXT REFERENCES trainee (id) ON DELETE CASCADE,         -- the record that is hidden; NULL: of a box
+    kept_box_id       TEXT REFERENCES training_box (id) ON DELETE CASCADE,    -- the record that stays; NULL: of a person
+    merged_box_id     TEXT REFERENCES training_box (id) ON DELETE CASCADE,    -- the record that is hidden; NULL: of a person
+    person_id         TEXT REFERENCES person (id) ON DELETE SET NULL,         -- who merged them; NULL: deleted, or the service
+    why               TEXT NOT NULL CHECK (length(why) BETWEEN 1 AND 2000),   -- the reason, in the person's words
+    taken_level       TEXT CHECK (taken_level IN ('novice', 'intermediate', 'expert')), -- level that the kept record lacked and took over; NULL: none
+    taken_handedness  TEXT CHECK (taken_handedness IN ('left', 'right', 'both')), -- hand that the kept record lacked and took over; NULL: none
+    kept_retention    TEXT CHECK (json_valid(kept_retention)),                -- months that the kept record had before a shorter time replaced them (row of trainee_retention); NULL: they stayed
+    created_at_ms     INTEGER NOT NULL CHECK (created_at_ms >= 0),            -- when, epoch ms
+    separated_by      TEXT REFERENCES person (id) ON DELETE SET NULL,         -- who separated them; NULL: merged, deleted, or the service
+    separated_why     TEXT CHECK (length(separated_why) BETWEEN 1 AND 2000),  -- the reason; NULL: merged
+    separated_at_ms   INTEGER CHECK (separated_at_ms >= created_at_ms),       -- when, epoch ms; NULL: merged
+    CHECK ((kept_trainee_id IS NULL) = (merged_trainee_id IS NULL)),
+    CHECK ((kept_box_id IS NULL) = (merged_box_id IS NULL)),
+    CHECK ((kept_trainee_id IS NULL) <> (kept_box_id IS NULL)),
+    CHECK (kept_trainee_id <> merged_trainee_id),
+    CHECK (kept_box_id <> merged_box_id),
+    CHECK ((separated_why IS NULL) = (separated_at_ms IS NULL))
+) STRICT;
+
+CREATE TABLE record_merge_row (
+    merge_id TEXT NOT NULL REFERENCES record_merge (id) ON DELETE CASCADE,    -- the merge
+    part     TEXT NOT NULL CHECK (length(part) BETWEEN 1 AND 32),             -- what the row is (MergedPart)
+    row_key  TEXT NOT NULL CHECK (length(row_key) >= 1),                      -- which row: its id, or the rest of its key
+    version  INTEGER,                                                         -- its version before, of a calibration or of colours; NULL: of other parts
+    PRIMARY KEY (merge_id, part, row_key)
+) STRICT, WITHOUT ROWID;
+
 CREATE TABLE rescoring (
     id             TEXT PRIMARY KEY CHECK (length(id) = 36),                 -- RescoringId
     task_id        TEXT NOT NULL REFERENCES task (id) ON DELETE CASCADE,     -- whose sessions
@@ -803,6 +834,22 @@ CREATE INDEX rating_person ON rating (person_id);
 
 CREATE INDEX rating_session ON rating (session_id, form, created_at_ms);
 
+CREATE UNIQUE INDEX record_merge_box ON record_merge (merged_box_id) WHERE merged_box_id IS NOT NULL AND separated_at_ms IS NULL;
+
+CREATE INDEX record_merge_kept_box ON record_merge (kept_box_id) WHERE kept_box_id IS NOT NULL;
+
+CREATE INDEX record_merge_kept_trainee ON record_merge (kept_trainee_id) WHERE kept_trainee_id IS NOT NULL;
+
+CREATE INDEX record_merge_of_box ON record_merge (merged_box_id) WHERE merged_box_id IS NOT NULL;
+
+CREATE INDEX record_merge_of_trainee ON record_merge (merged_trainee_id) WHERE merged_trainee_id IS NOT NULL;
+
+CREATE INDEX record_merge_person ON record_merge (person_id);
+
+CREATE INDEX record_merge_separated_by ON record_merge (separated_by);
+
+CREATE UNIQUE INDEX record_merge_trainee ON record_merge (merged_trainee_id) WHERE merged_trainee_id IS NOT NULL AND separated_at_ms IS NULL;
+
 CREATE INDEX rescoring_open ON rescoring (id) WHERE ended_at_ms IS NULL;
 
 CREATE INDEX rescoring_person ON rescoring (person_id);
@@ -1053,11 +1100,38 @@ CREATE VIEW group_record AS
     LEFT JOIN group_course ON group_course.group_id = training_group.id
     LEFT JOIN course ON course.id = group_course.course_id;
 
+CREATE VIEW hidden_trainee (trainee_id) AS
+    SELECT trainee_id FROM pending_erasure
+    UNION ALL
+    SELECT merged_trainee_id FROM record_merge WHERE merged_trainee_id IS NOT NULL AND separated_at_ms IS NULL;
+
 CREATE VIEW latest_consent AS
     SELECT consent.trainee_id, consent.decision, consent.signed_on, consent.created_at_ms, consent_text.version
     FROM consent JOIN consent_text ON consent_text.id = consent.text_id
     WHERE consent.rowid =
         (SELECT max(latest.rowid) FROM consent AS latest WHERE latest.trainee_id = consent.trainee_id);
+
+CREATE VIEW merged_box (box_id, kept_id) AS
+    WITH RECURSIVE followed (box_id, kept_id) AS
+        (SELECT merged_box_id, kept_box_id FROM record_merge
+         WHERE merged_box_id IS NOT NULL AND separated_at_ms IS NULL
+         UNION ALL
+         SELECT followed.box_id, later.kept_box_id FROM followed
+         JOIN record_merge AS later ON later.merged_box_id = followed.kept_id AND later.separated_at_ms IS NULL)
+    SELECT box_id, kept_id FROM followed
+    WHERE NOT EXISTS (SELECT 1 FROM record_merge AS later
+                      WHERE later.merged_box_id = followed.kept_id AND later.separated_at_ms IS NULL);
+
+CREATE VIEW merged_trainee (trainee_id, kept_id) AS
+    WITH RECURSIVE followed (trainee_id, kept_id) AS
+        (SELECT merged_trainee_id, kept_trainee_id FROM record_merge
+         WHERE merged_trainee_id IS NOT NULL AND separated_at_ms IS NULL
+         UNION ALL
+         SELECT followed.trainee_id, later.kept_trainee_id FROM followed
+         JOIN record_merge AS later ON later.merged_trainee_id = followed.kept_id AND later.separated_at_ms IS NULL)
+    SELECT trainee_id, kept_id FROM followed
+    WHERE NOT EXISTS (SELECT 1 FROM record_merge AS later
+                      WHERE later.merged_trainee_id = followed.kept_id AND later.separated_at_ms IS NULL);
 
 CREATE VIEW practised_session AS
     SELECT session.id, session.trainee_id, session.task_id, session.recorded_at_ms, session.rowid AS arrival,
@@ -1223,7 +1297,10 @@ CREATE VIEW uncounted_session (session_id) AS
     UNION ALL
     SELECT id FROM session WHERE box_question IN ('asked', 'other_box')
     UNION ALL
-    SELECT session.id FROM pending_erasure JOIN session ON session.trainee_id = pending_erasure.trainee_id;
+    SELECT session.id FROM pending_erasure JOIN session ON session.trainee_id = pending_erasure.trainee_id
+    UNION ALL
+    SELECT session.id FROM record_merge JOIN session ON session.trainee_id = record_merge.merged_trainee_id
+    WHERE record_merge.separated_at_ms IS NULL;
 
 CREATE VIEW valid_setup AS
     SELECT made.session_id, made.made_at_ms,

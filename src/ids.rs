@@ -72,6 +72,8 @@ ids! {
     SelfTestId;
     /// A trainee.
     TraineeId;
+    /// A merge of two records of one person or box.
+    MergeId;
     /// An exercise.
     TaskId;
     /// One version of a task's standard.

@@ -40,6 +40,7 @@
 //! | [`blob`] | files named by their content |
 //! | [`job`] | kinds, states and inputs of jobs |
 //! | [`feed`] | frames that arrive during the recording: records, messages, frame numbers |
+//! | [`record_merge`] | merging two records of one person or box |
 //! | [`rescoring`] | scoring sessions again: the order, and what changed |
 //! | [`session`] | states of a recording, versions and features of its result |
 //! | [`session_move`] | moving a session to the right trainee, task or box |
@@ -81,6 +82,7 @@ pub mod personal_retention;
 pub mod photo_check;
 pub mod problem;
 pub mod rating;
+pub mod record_merge;
 pub mod rescoring;
 pub mod rights;
 pub mod role;

@@ -10,6 +10,7 @@
 //! | [`client_address`] | the client's address, behind proxies too |
 //! | [`read`] [`show`] | parts of requests (bodies, queries, ids); parts of answers (JSON, pages, times) |
 //! | one module for each noun | its routes, one function each |
+//! | `record_merges` | what merges of two records of one person or box look like |
 //! | [`export`] [`data_export`] | tables of features, of any length; all data of a person or of the centre as a ZIP file |
 //! | [`server`] [`pace`] [`settings`] | limits on connections and bodies: their number, idle time and size |
 //! | [`listeners`] [`connection`] [`http2_streams`] | the sockets; one connection: handshake, HTTP/2 or HTTP/1.1, limits on time |
@@ -67,6 +68,7 @@ pub mod protect;
 mod push;
 pub mod range;
 pub mod read;
+mod record_merges;
 pub mod redirect;
 mod replaced_routes;
 pub mod rescorings;

@@ -38,7 +38,8 @@ pub struct AuditEntry {
     pub who: Option<String>,
     /// Name of the changed thing or of the person it belongs to; `None` if it no longer exists or has no name.
     pub called: Option<String>,
-    /// The reason that the person gave for an edit or a move of a session; `None` otherwise, and if the session was erased.
+    /// The reason that the person gave for an edit or a move of a session, or for merging or separating records; `None`
+    /// otherwise, and if the session or record was erased.
     pub why: Option<String>,
     /// Address of the client that sent the request; `None` for the service and for commands, for changes before it was
     /// recorded, and if the account has been deleted.
@@ -98,7 +99,13 @@ const SELECT_ENTRIES: &str = "
             (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
                 JOIN session_edit ON session_id = session.id WHERE session_edit.id = subject)
         END AS called,
-        CASE noun WHEN 'session' THEN
+        CASE WHEN noun IN ('trainee', 'box') AND action = 'merge' THEN
+            (SELECT why FROM record_merge
+             WHERE subject IN (kept_trainee_id, kept_box_id) AND created_at_ms = at_ms LIMIT 1)
+        WHEN noun IN ('trainee', 'box') AND action = 'separate' THEN
+            (SELECT separated_why FROM record_merge
+             WHERE subject IN (kept_trainee_id, kept_box_id) AND separated_at_ms = at_ms LIMIT 1)
+        WHEN noun = 'session' THEN
             coalesce((SELECT why FROM session_move
                       WHERE action = 'move' AND session_id = subject AND created_at_ms = at_ms),
                      (SELECT why FROM session_edit
@@ -116,7 +123,8 @@ const SELECT_ENTRIES_ABOUT: &str = "
            CASE WHEN person.trainee_id = $1 THEN address END AS address
     FROM audit
     LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
-    WHERE subject = $1 OR subject IN (SELECT id FROM session WHERE trainee_id = $1)
+    WHERE subject = $1 OR subject IN (SELECT merged_trainee.trainee_id FROM merged_trainee WHERE kept_id = $1)
+       OR subject IN (SELECT id FROM session WHERE trainee_id = $1)
        OR subject IN (SELECT account.id FROM person AS account WHERE account.trainee_id = $1)
        OR actor IN (SELECT 'person:' || account.id FROM person AS account WHERE account.trainee_id = $1)
     ORDER BY audit.id DESC LIMIT $2";

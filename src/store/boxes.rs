@@ -2,9 +2,10 @@
 //! own.
 
 use super::audit::note;
-use super::error::{StoreResult, in_use, not_found, taken};
+use super::error::{StoreError, StoreResult, in_use, not_found, taken};
 use super::owners::{self, OwnedThing, require_owner};
 use super::page::{Page, PageRequest};
+use super::record_merges::boxes_merged_into;
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store, codes};
 use crate::domain::boxes::{BoxChange, NewBox};
@@ -48,7 +49,8 @@ const SELECT_BOXES: &str = "
               AND ($1 = 'administrator'
                    OR group_id IN (SELECT group_id FROM group_instructor WHERE person_id = $2))) AS owners
     FROM training_box
-    WHERE ($1 <> 'agent' OR $2 = id) AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
+    WHERE ($1 <> 'agent' OR $2 = id) AND ($3 IS NULL OR code > $3) AND id NOT IN (SELECT box_id FROM merged_box)
+    ORDER BY code LIMIT $4";
 
 const SELECT_BOX: &str = "
     SELECT id, code, name, view, notes, created_at_ms,
@@ -57,7 +59,9 @@ const SELECT_BOX: &str = "
               AND ($1 = 'administrator'
                    OR group_id IN (SELECT group_id FROM group_instructor WHERE person_id = $2))) AS owners
     FROM training_box
-    WHERE $3 IN (id, code) AND ($1 <> 'agent' OR $2 = id)";
+    WHERE id = (SELECT coalesce(merged.kept_id, named.id) FROM training_box AS named
+                LEFT JOIN merged_box AS merged ON merged.box_id = named.id WHERE $3 IN (named.id, named.code))
+      AND ($1 <> 'agent' OR $2 = id)";
 
 const UPDATE_BOX: &str = "
     UPDATE training_box
@@ -125,17 +129,23 @@ impl BoxStore<'_> {
         self.get(scope, &Key::from(&id)).await
     }
 
-    /// Deletes a box that has no sessions, with its calibrations, colours and jobs.
+    /// Deletes a box that has no sessions, with its calibrations, colours and jobs, and the records that were merged into
+    /// it.
     pub async fn delete(&self, scope: &Scope, key: &Key) -> StoreResult<()> {
-        let id = self.changeable(scope, key).await?.id;
-        let (scope, now_ms) = (scope.clone(), self.0.now_ms());
+        let found = self.changeable(scope, key).await?;
+        if ![found.id.to_string().as_str(), found.code.as_str()].contains(&key.as_str()) {
+            return Err(StoreError::refused(format!(
+                "this record was merged into box `{}`: separate the two first",
+                found.code
+            )));
+        }
+        let (scope, now_ms, id) = (scope.clone(), self.0.now_ms(), found.id);
         self.0
             .write_ending_sign_ins(async move |tx| {
-                let delete = sqlx::query(DELETE_BOX).bind(id);
-                delete
-                    .execute(&mut *tx)
-                    .await
-                    .map_err(in_use("box", "sessions, or results of sessions that were moved away"))?;
+                for record in boxes_merged_into(tx, id).await?.into_iter().chain([id]) {
+                    let deleted = sqlx::query(DELETE_BOX).bind(record).execute(&mut *tx).await;
+                    deleted.map_err(in_use("box", "sessions, or results of sessions that were moved away"))?;
+                }
                 note(tx, &scope, now_ms, ("delete", "box"), id).await
             })
             .await

@@ -55,7 +55,7 @@ const SELECT_CALIBRATION: &str = "
 const SELECT_CALIBRATIONS: &str = "
     SELECT id, box_id, version, source, camera, rms_px, created_at_ms,
            coalesce(valid_from_ms, created_at_ms) AS valid_from_ms FROM calibration
-    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY version DESC LIMIT 100";
+    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY created_at_ms DESC, version DESC LIMIT 100";
 
 const INSERT_CALIBRATION: &str = "
     INSERT INTO calibration (id, box_id, version, source, camera, width, height, rms_px, created_at_ms, valid_from_ms)

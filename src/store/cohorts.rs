@@ -65,12 +65,12 @@ type CohortValueRow = (TraineeId, Option<Handedness>, CalibrationId, String, Jso
 
 const SELECT_COHORTS: &str = "
     SELECT cohort.*, (SELECT count(*) FROM cohort_person WHERE cohort_id = cohort.id
-                      AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)) AS people FROM cohort
+                      AND trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee)) AS people FROM cohort
     WHERE $1 <> 'agent' AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
 
 const SELECT_COHORT: &str = "
     SELECT cohort.*, (SELECT count(*) FROM cohort_person WHERE cohort_id = cohort.id
-                      AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)) AS people FROM cohort
+                      AND trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee)) AS people FROM cohort
     WHERE $1 <> 'agent' AND $3 IN (id, code)";
 
 const SELECT_MEMBERS: &str = "
@@ -78,7 +78,7 @@ const SELECT_MEMBERS: &str = "
     WHERE cohort_id = $3 AND ($4 IS NULL OR trainee_id > $4)
       AND ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)
+      AND trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee)
     ORDER BY trainee_id LIMIT $5";
 
 /// Selects values of at most `$7` people at task `$4`, from their last `$5` sessions that were not refused, for the
@@ -94,7 +94,7 @@ pub(super) const SELECT_VALUES: &str = "
           WHERE ($3 IS NULL OR EXISTS (SELECT 1 FROM cohort_person WHERE cohort_id = $3 AND trainee_id = trainee.id))
             AND ($1 = 'administrator'
                  OR trainee.id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-            AND trainee.id NOT IN (SELECT trainee_id FROM pending_erasure)
+            AND trainee.id NOT IN (SELECT trainee_id FROM hidden_trainee)
           ORDER BY trainee.id DESC LIMIT $7) AS member
     CROSS JOIN session ON session.id IN
         (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = member.id AND recent.task_id = $4
@@ -132,11 +132,13 @@ const UPDATE_COHORT: &str = "
 /// People who wait for their erasure stay members, since the erasure can be taken back.
 const DELETE_MEMBERS: &str = "
     DELETE FROM cohort_member
-    WHERE cohort_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)";
+    WHERE cohort_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee)";
 
 const DELETE_COHORT: &str = "DELETE FROM cohort WHERE id = $1";
 
-const INSERT_MEMBER: &str = "INSERT INTO cohort_member (cohort_id, trainee_id) VALUES ($1, $2)";
+const INSERT_MEMBER: &str = "
+    INSERT INTO cohort_member (cohort_id, trainee_id)
+    VALUES ($1, coalesce((SELECT kept_id FROM merged_trainee WHERE trainee_id = $2), $2)) ON CONFLICT DO NOTHING";
 
 impl CohortStore<'_> {
     /// Creates a cohort.

@@ -143,7 +143,7 @@ const SELECT_EFFECT: &str = "
     WITH candidate AS (
         SELECT trainee.id, NOT coalesce(latest.decision = 'given' AND latest.version >= $1, FALSE) AS lacks
         FROM trainee LEFT JOIN latest_consent AS latest ON latest.trainee_id = trainee.id
-        WHERE trainee.id NOT IN (SELECT trainee_id FROM pending_erasure))
+        WHERE trainee.id NOT IN (SELECT trainee_id FROM hidden_trainee))
     SELECT count(*) AS trainees, count(*) FILTER (WHERE lacks) AS without_consent,
            count(*) FILTER (WHERE lacks AND EXISTS (SELECT 1 FROM session WHERE session.trainee_id = candidate.id
                                                     AND session.created_at_ms >= $2)) AS active_without_consent,
@@ -167,7 +167,7 @@ const SELECT_LATEST_OF_MANY: &str = "
     WHERE trainee.id IN (SELECT value FROM json_each($3))
       AND ($1 = 'administrator'
            OR trainee.id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR trainee.id NOT IN (SELECT trainee_id FROM pending_erasure))";
+      AND ($2 IS 'service' OR trainee.id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 const SELECT_HISTORY: &str = "
     SELECT consent.id, decision, how, text_id, version, signed_on, person.name AS who, consent.created_at_ms
@@ -366,7 +366,11 @@ async fn required_versions(reader: &mut SqliteConnection, now_ms: i64) -> StoreR
     Ok(RequiredVersions { now, later })
 }
 
-async fn state_of(reader: &mut SqliteConnection, trainee: TraineeId, now_ms: i64) -> StoreResult<ConsentState> {
+pub(super) async fn state_of(
+    reader: &mut SqliteConnection,
+    trainee: TraineeId,
+    now_ms: i64,
+) -> StoreResult<ConsentState> {
     let latest = sqlx::query_as(SELECT_LATEST).bind(trainee).fetch_optional(&mut *reader).await?;
     Ok(ConsentState::of(latest, required_versions(reader, now_ms).await?))
 }

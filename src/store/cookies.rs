@@ -93,7 +93,7 @@ const INSERT_COOKIE: &str = "
                                 must_change_password)
     SELECT $1, id, $3, $3, $4, $5, $6, $7 FROM person
     WHERE id = $2 AND password_hash = $8
-      AND NOT EXISTS (SELECT 1 FROM pending_erasure WHERE pending_erasure.trainee_id = person.trainee_id)";
+      AND NOT EXISTS (SELECT 1 FROM hidden_trainee WHERE hidden_trainee.trainee_id = person.trainee_id)";
 
 const DELETE_SURPLUS_COOKIES: &str = "
     DELETE FROM cookie_session WHERE person_id = $1 AND secret_hash <> $2 AND secret_hash NOT IN
@@ -114,7 +114,7 @@ const SELECT_PERSON: &str = "
            last_seen_at_ms
     FROM cookie_session JOIN person ON person.id = person_id
     WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3
-      AND NOT EXISTS (SELECT 1 FROM pending_erasure WHERE pending_erasure.trainee_id = person.trainee_id)";
+      AND NOT EXISTS (SELECT 1 FROM hidden_trainee WHERE hidden_trainee.trainee_id = person.trainee_id)";
 
 const SELECT_VALID: &str = "
     SELECT 1 FROM cookie_session WHERE secret_hash = $1 AND expires_at_ms > $2 AND last_seen_at_ms > $3";

@@ -226,7 +226,7 @@ const SELECT_BLIND_SHEETS: &str = "
       AND NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session.id)
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND NOT EXISTS (SELECT 1 FROM error_sheet AS later
                       JOIN error_list AS later_list ON later_list.id = later.list_id
                       WHERE later.session_id = sheet.session_id AND later.person_id = sheet.person_id

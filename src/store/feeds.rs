@@ -129,7 +129,7 @@ const SELECT_LIVE_FEATURES: &str = "
     WHERE feed.live_features IS NOT NULL AND session.id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
     ORDER BY feed.id DESC LIMIT 1";
 
 const SELECT_ARRIVAL: &str = "
@@ -137,7 +137,7 @@ const SELECT_ARRIVAL: &str = "
     WHERE feed.arrived_s IS NOT NULL AND session.id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
     ORDER BY feed.id DESC LIMIT 1";
 
 const SELECT_EARLY_END: &str = "
@@ -145,7 +145,7 @@ const SELECT_EARLY_END: &str = "
     WHERE feed.early_end IS NOT NULL AND session.id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
     ORDER BY feed.id DESC LIMIT 1";
 
 const UPDATE_ARRIVAL: &str = "UPDATE feed SET arrived_s = $2, stamped_s = $3 WHERE id = $1";

@@ -43,16 +43,17 @@ const SELECT_FIRST_STEPS: &str = "
            EXISTS (SELECT 1 FROM training_box) AS has_box,
            EXISTS (SELECT 1 FROM training_box WHERE id IN (SELECT box_id FROM calibration)
                                                 AND id IN (SELECT box_id FROM palette)) AS has_ready_box,
-           (SELECT id FROM training_box WHERE id NOT IN (SELECT box_id FROM calibration)
-                                           OR id NOT IN (SELECT box_id FROM palette) ORDER BY id LIMIT 1) AS box_to_set_up,
+           (SELECT id FROM training_box
+            WHERE (id NOT IN (SELECT box_id FROM calibration) OR id NOT IN (SELECT box_id FROM palette))
+              AND id NOT IN (SELECT box_id FROM merged_box) ORDER BY id LIMIT 1) AS box_to_set_up,
            EXISTS (SELECT 1 FROM trainee
                    WHERE ($1 = 'administrator'
                           OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-                     AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))) AS has_trainee,
+                     AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM hidden_trainee))) AS has_trainee,
            EXISTS (SELECT 1 FROM session
                    WHERE ($1 = 'administrator'
                           OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-                     AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))) AS has_session";
+                     AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))) AS has_session";
 
 impl FirstStepsStore<'_> {
     /// What the centre has, as staff see it.

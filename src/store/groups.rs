@@ -74,7 +74,7 @@ const DELETE_INSTRUCTORS: &str = "DELETE FROM group_instructor WHERE group_id = 
 
 /// People who wait for their erasure stay members, since the erasure can be taken back.
 const DELETE_TRAINEES: &str = "
-    DELETE FROM group_trainee WHERE group_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)";
+    DELETE FROM group_trainee WHERE group_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee)";
 
 const INSERT_INSTRUCTOR: &str = "
     INSERT INTO group_instructor (group_id, person_id)
@@ -82,7 +82,8 @@ const INSERT_INSTRUCTOR: &str = "
     WHERE id = $2 AND role <> 'trainee' ON CONFLICT DO NOTHING";
 
 const INSERT_TRAINEE: &str = "
-    INSERT INTO group_trainee (group_id, trainee_id) VALUES ($1, $2) ON CONFLICT DO NOTHING";
+    INSERT INTO group_trainee (group_id, trainee_id)
+    VALUES ($1, coalesce((SELECT kept_id FROM merged_trainee WHERE trainee_id = $2), $2)) ON CONFLICT DO NOTHING";
 
 const DELETE_GROUP: &str = "DELETE FROM training_group WHERE id = $1";
 
@@ -90,7 +91,7 @@ const SELECT_INSTRUCTORS: &str = "SELECT person_id FROM group_instructor WHERE g
 
 const SELECT_TRAINEES: &str = "
     SELECT trainee_id FROM group_trainee
-    WHERE group_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)";
+    WHERE group_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee)";
 
 impl GroupStore<'_> {
     /// Creates a group without trainees. An instructor teaches the group that they make; otherwise they would not see it.

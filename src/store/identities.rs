@@ -92,7 +92,7 @@ const SELECT_IDENTITY: &str = "
 
 const SELECT_IDENTITIES: &str = "
     SELECT id, issuer, subject, person_id, label, follows_groups, created_at_ms, last_used_at_ms FROM identity
-    WHERE NOT EXISTS (SELECT 1 FROM person JOIN pending_erasure USING (trainee_id)
+    WHERE NOT EXISTS (SELECT 1 FROM person JOIN hidden_trainee USING (trainee_id)
                       WHERE person.id = identity.person_id)
     ORDER BY id DESC";
 
@@ -106,7 +106,12 @@ const DELETE_IDENTITY: &str = "DELETE FROM identity WHERE id = $1 RETURNING pers
 
 const DELETE_OWN_IDENTITY: &str = "DELETE FROM identity WHERE id = $1 AND person_id = $2";
 
-const SELECT_PENDING: &str = "SELECT 1 FROM pending_erasure WHERE trainee_id = $1";
+const SELECT_PENDING: &str = "SELECT 1 FROM hidden_trainee WHERE trainee_id = $1";
+
+/// The account of the record that `$1` was merged into.
+const SELECT_KEPT_ACCOUNT: &str = "
+    SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person
+    WHERE trainee_id = (SELECT kept_id FROM merged_trainee WHERE merged_trainee.trainee_id = $1)";
 
 const SELECT_LOGIN: &str = "SELECT 1 FROM person WHERE login = $1";
 
@@ -302,7 +307,8 @@ async fn sign_in(
     Ok(Ok(person))
 }
 
-/// The person of a known identity, with the role of its groups.
+/// The person of a known identity, with the role of its groups. The closed account of a merged record stands for that of
+/// the kept one.
 async fn admit(
     tx: &mut SqliteConnection,
     found: IdentityRecord,
@@ -310,6 +316,9 @@ async fn admit(
     (address, now_ms): (IpAddr, i64),
 ) -> StoreResult<Result<(PersonRecord, IdentityId), IdentityRefusal>> {
     let person = read_person(tx, found.person_id).await?;
+    let kept: Option<PersonRecord> =
+        sqlx::query_as(SELECT_KEPT_ACCOUNT).bind(person.trainee_id).fetch_optional(&mut *tx).await?;
+    let person = kept.unwrap_or(person);
     let scope = person.scope().at_address(address);
     let is_pending = sqlx::query(SELECT_PENDING).bind(person.trainee_id).fetch_optional(&mut *tx).await?.is_some();
     if is_pending {

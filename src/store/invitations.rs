@@ -98,7 +98,7 @@ const SELECT_ACCOUNTS: &str = "
                           WHERE seen.trainee_id = trainee.id AND seen.role = 'instructor' AND seen.subject = made_by))
     WHERE ($1 = 'administrator'
            OR trainee.id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR trainee.id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR trainee.id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND ($4 IS NULL OR trainee.id IN (SELECT trainee_id FROM group_trainee WHERE group_id = $4))
     ORDER BY trainee.name, trainee.code";
 

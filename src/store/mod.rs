@@ -40,6 +40,7 @@
 //! | [`Store::error_sheets`] | `of_session` `begin` `open_items` `mark` `unmark` `set_values` `finish` `discard` `given` |
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
 //! | [`Store::session_moves`] | `of_session` `add` |
+//! | [`Store::record_merges`] | `of_trainee` `records_of` `preview_trainees` `merge_trainees` `separate_trainees` `of_box` `preview_boxes` `merge_boxes` `separate_boxes` |
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `mark_crashed` `release` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `is_dropped` `all` `uses` `total` |
@@ -95,6 +96,7 @@ mod pending_erasures;
 mod people;
 mod personal_retention;
 mod ratings;
+mod record_merges;
 mod rescorings;
 mod retention;
 mod schema_version;
@@ -165,6 +167,7 @@ pub use pending_erasures::{ErasureExtent, PendingErasure, PendingErasureStore};
 pub use people::{NewPerson, PersonChange, PersonRecord, PersonStore};
 pub use personal_retention::{PersonalRetentionRecord, PersonalRetentionStore};
 pub use ratings::{GivenRating, RatingRecord, RatingStore, SessionValue, VisibleRatings};
+pub use record_merges::{MergeEffect, MergedCount, MergedRecord, PartCount, RecordMerge, RecordMergeStore};
 pub use rescorings::{EndedItem, RescoringItem, RescoringRecord, RescoringStore, RescoringTrainee, ResultComparison};
 pub use retention::{RetentionStore, VideoAge};
 pub use schema_version::SchemaState;
@@ -472,6 +475,8 @@ accessors! {
     edits: EditStore;
     /// Moves of sessions to the right trainee, task or box.
     session_moves: SessionMoveStore;
+    /// Merges of two records of one person or box.
+    record_merges: RecordMergeStore;
     /// What stands still in boxes and recordings.
     surroundings: SurroundingsStore;
     /// Rescoring orders.

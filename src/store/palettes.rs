@@ -62,7 +62,7 @@ const SELECT_PALETTE: &str = "
 const SELECT_PALETTES: &str = "
     SELECT id, box_id, version, annotations, tools, counts, samples, report, created_at_ms,
            coalesce(valid_from_ms, created_at_ms) AS valid_from_ms FROM palette
-    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY version DESC LIMIT 100";
+    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY created_at_ms DESC, version DESC LIMIT 100";
 
 /// A photo that was deleted with a person's recording has no file any more.
 const SELECT_EMPTY_BOX: &str = "
@@ -72,7 +72,7 @@ const SELECT_EMPTY_BOX: &str = "
         SELECT json_extract(annotations, '$.empty_box') FROM palette
         WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id)
           AND EXISTS (SELECT 1 FROM json_each(tools) WHERE json_extract(value, '$.marker.kind') = 'shaft')
-        ORDER BY version DESC LIMIT 1)";
+        ORDER BY created_at_ms DESC, version DESC LIMIT 1)";
 
 const UPDATE_VIEW: &str = "UPDATE training_box SET view = coalesce($2, view) WHERE id = $1";
 

@@ -44,7 +44,7 @@ const INSERT_LINK: &str = "
 const SELECT_LINKS: &str = "
     SELECT id, person_id, created_at_ms, expires_at_ms FROM password_link
     WHERE expires_at_ms > $1
-      AND NOT EXISTS (SELECT 1 FROM person JOIN pending_erasure USING (trainee_id)
+      AND NOT EXISTS (SELECT 1 FROM person JOIN hidden_trainee USING (trainee_id)
                       WHERE person.id = password_link.person_id)
       AND (made_by IS NULL
            OR EXISTS (SELECT 1 FROM person AS maker WHERE maker.id = made_by AND maker.role = 'administrator')
@@ -56,7 +56,7 @@ const SELECT_LINKS: &str = "
 const SELECT_LINK_OF_SECRET: &str = "
     SELECT id, person_id, created_at_ms, expires_at_ms FROM password_link
     WHERE secret_hash = $1 AND expires_at_ms > $2
-      AND NOT EXISTS (SELECT 1 FROM person JOIN pending_erasure USING (trainee_id)
+      AND NOT EXISTS (SELECT 1 FROM person JOIN hidden_trainee USING (trainee_id)
                       WHERE person.id = password_link.person_id)
       AND (made_by IS NULL
            OR EXISTS (SELECT 1 FROM person AS maker WHERE maker.id = made_by AND maker.role = 'administrator')

@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::audit::note;
 use super::cookies::DELETE_COOKIES_OF;
 use super::error::{StoreError, StoreResult, not_found};
+use super::record_merges::trainees_merged_into;
 use super::trainees::{TraineeRecord, erase};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
@@ -68,7 +69,8 @@ const SELECT_PENDING: &str = "
 
 const SELECT_EXTENT: &str = "
     SELECT count(*) AS sessions, coalesce(sum(blob.bytes) FILTER (WHERE blob.dropped_at_ms IS NULL), 0) AS bytes
-    FROM session LEFT JOIN blob ON blob.hash = session.video WHERE session.trainee_id = $1";
+    FROM session LEFT JOIN blob ON blob.hash = session.video
+    WHERE session.trainee_id = $1 OR session.trainee_id IN (SELECT trainee_id FROM merged_trainee WHERE kept_id = $1)";
 
 const INSERT_PENDING: &str = "
     INSERT INTO pending_erasure (trainee_id, requested_at_ms, due_at_ms, person_id) VALUES ($1, $2, $3, $4)
@@ -80,6 +82,8 @@ pub(super) const INSERT_ERASURE: &str = "INSERT INTO erasure (kind, id, at_ms) V
 
 pub(super) const SELECT_ACCOUNT_OF_TRAINEE: &str = "SELECT id FROM person WHERE trainee_id = $1";
 
+const SELECT_IS_MERGED: &str = "SELECT EXISTS (SELECT 1 FROM merged_trainee WHERE trainee_id = $1)";
+
 const SELECT_IS_DUE: &str = "SELECT 1 FROM pending_erasure WHERE trainee_id = $1 AND due_at_ms <= $2";
 
 const SELECT_DUE: &str = "SELECT trainee_id FROM pending_erasure WHERE due_at_ms <= $1 ORDER BY due_at_ms LIMIT $2";
@@ -89,6 +93,13 @@ impl PendingErasureStore<'_> {
     pub async fn extent(&self, scope: &Scope, key: &Key) -> StoreResult<ErasureExtent> {
         let id = self.0.trainees().get(scope, key).await?.id;
         require_staff(scope, "erasing trainees")?;
+        let is_merged: bool = sqlx::query_scalar(SELECT_IS_MERGED).bind(id).fetch_one(self.0.readers()).await?;
+        if is_merged && !scope.is_service() {
+            return Err(StoreError::refused(
+                "this record was merged into another one of the same person: separate the two first, or erase the other \
+                 one, which erases both",
+            ));
+        }
         Ok(sqlx::query_as(SELECT_EXTENT).bind(id).fetch_one(self.0.readers()).await?)
     }
 
@@ -105,6 +116,13 @@ impl PendingErasureStore<'_> {
             sqlx::query_as(SELECT_ERASABLE).bind_scope(scope).bind(key).fetch_optional(self.0.readers()).await?;
         let (id, is_in_several_groups) = found.ok_or(not_found("trainee"))?;
         require_staff(scope, "erasing trainees")?;
+        let is_merged: bool = sqlx::query_scalar(SELECT_IS_MERGED).bind(id).fetch_one(self.0.readers()).await?;
+        if is_merged && !scope.is_service() {
+            return Err(StoreError::refused(
+                "this record was merged into another one of the same person: separate the two first, or erase the other \
+                 one, which erases both",
+            ));
+        }
         if scope.may_erase_trainee(is_in_several_groups) {
             Ok(id)
         } else {
@@ -127,8 +145,10 @@ impl PendingErasureStore<'_> {
                     }
                     let insert = sqlx::query(INSERT_PENDING).bind(id).bind(now_ms).bind(due_at_ms).bind(scope.person());
                     insert.execute(&mut *tx).await?;
-                    let listed = sqlx::query(INSERT_ERASURE).bind(ErasedKind::Pending).bind(id).bind(due_at_ms);
-                    listed.execute(&mut *tx).await?;
+                    for record in trainees_merged_into(tx, id).await?.into_iter().chain([id]) {
+                        let listed = sqlx::query(INSERT_ERASURE).bind(ErasedKind::Pending).bind(record).bind(due_at_ms);
+                        listed.execute(&mut *tx).await?;
+                    }
                     note(tx, &scope, now_ms, ("request erasure", "trainee"), id).await
                 }
             })
@@ -159,8 +179,10 @@ impl PendingErasureStore<'_> {
                 if sqlx::query(DELETE_PENDING).bind(id).execute(&mut *tx).await?.rows_affected() == 0 {
                     return Ok(false);
                 }
-                let listed = sqlx::query(INSERT_ERASURE).bind(ErasedKind::TakenBack).bind(id).bind(now_ms);
-                listed.execute(&mut *tx).await?;
+                for record in trainees_merged_into(tx, id).await?.into_iter().chain([id]) {
+                    let listed = sqlx::query(INSERT_ERASURE).bind(ErasedKind::TakenBack).bind(record).bind(now_ms);
+                    listed.execute(&mut *tx).await?;
+                }
                 note(tx, &scope, now_ms, ("take back erasure", "trainee"), id).await?;
                 Ok(true)
             })

@@ -102,7 +102,7 @@ const INSERT_PERSON: &str = "
 const SELECT_PEOPLE: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms FROM person
     WHERE ($1 IS NULL OR login > $1)
-      AND NOT EXISTS (SELECT 1 FROM pending_erasure WHERE pending_erasure.trainee_id = person.trainee_id)
+      AND NOT EXISTS (SELECT 1 FROM hidden_trainee WHERE hidden_trainee.trainee_id = person.trainee_id)
     ORDER BY login LIMIT $2";
 
 pub(super) const SELECT_PERSON: &str = "
@@ -125,7 +125,7 @@ const UPDATE_PASSWORD: &str = "
 const SELECT_BY_LOGIN: &str = "
     SELECT id, login, name, role, trainee_id, password_state, created_at_ms, password_hash FROM person
     WHERE login = $1
-      AND NOT EXISTS (SELECT 1 FROM pending_erasure WHERE pending_erasure.trainee_id = person.trainee_id)";
+      AND NOT EXISTS (SELECT 1 FROM hidden_trainee WHERE hidden_trainee.trainee_id = person.trainee_id)";
 
 const COUNT_PASSWORD: &str = "SELECT count(*) FROM person WHERE password_hash = $1";
 

@@ -125,7 +125,7 @@ impl PersonalRetentionStore<'_> {
 }
 
 /// The videos of one trainee that are due if they are kept for these months.
-async fn due_videos(
+pub(super) async fn due_videos(
     reader: &mut SqliteConnection,
     trainee: TraineeId,
     months: u32,

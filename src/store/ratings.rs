@@ -110,7 +110,7 @@ const SELECT_BLIND_RATINGS: &str = "
       AND NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session.id)
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND rating.form_version = (SELECT max(form_version) FROM rating AS any WHERE any.form = $4)
       AND NOT EXISTS (SELECT 1 FROM rating AS later
                       WHERE later.session_id = rating.session_id AND later.form = rating.form
@@ -127,7 +127,7 @@ const SELECT_RATED_RESULTS: &str = "
       AND session.verdict IS NOT 'refused' AND session.calibration_id IS NOT NULL
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))";
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 /// Adds rating `$1` of session `$2` by person `$3`, unless they have given `$8`. It is blind unless the rater could
 /// have read another person's rating on a form that both used, or, having rated before, another staff member's comment.

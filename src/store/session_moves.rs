@@ -102,16 +102,20 @@ const SELECT_MOVES: &str = "
         (SELECT id, json_object('id', id, 'name', name, 'code', code) FROM trainee
          WHERE ($1 = 'administrator'
                 OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-           AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
+           AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM hidden_trainee))
          UNION ALL SELECT id, json_object('id', id, 'name', name, 'code', code) FROM task
          UNION ALL SELECT id, json_object('id', id, 'name', name, 'code', code) FROM training_box)
     SELECT moved.id, moved.changes, moved.why, mover.name AS who, moved.created_at_ms,
-           (SELECT named FROM readable WHERE readable.id = moved.from_trainee_id) AS from_trainee,
-           (SELECT named FROM readable WHERE readable.id = moved.to_trainee_id) AS to_trainee,
+           (SELECT named FROM readable WHERE readable.id =
+                coalesce((SELECT kept_id FROM merged_trainee WHERE trainee_id = moved.from_trainee_id), moved.from_trainee_id)) AS from_trainee,
+           (SELECT named FROM readable WHERE readable.id =
+                coalesce((SELECT kept_id FROM merged_trainee WHERE trainee_id = moved.to_trainee_id), moved.to_trainee_id)) AS to_trainee,
            (SELECT named FROM readable WHERE readable.id = moved.from_task_id) AS from_task,
            (SELECT named FROM readable WHERE readable.id = moved.to_task_id) AS to_task,
-           (SELECT named FROM readable WHERE readable.id = moved.from_box_id) AS from_box,
-           (SELECT named FROM readable WHERE readable.id = moved.to_box_id) AS to_box
+           (SELECT named FROM readable WHERE readable.id =
+                coalesce((SELECT kept_id FROM merged_box WHERE box_id = moved.from_box_id), moved.from_box_id)) AS from_box,
+           (SELECT named FROM readable WHERE readable.id =
+                coalesce((SELECT kept_id FROM merged_box WHERE box_id = moved.to_box_id), moved.to_box_id)) AS to_box
     FROM session_move AS moved LEFT JOIN person AS mover ON mover.id = moved.person_id
     WHERE moved.session_id = $3 ORDER BY moved.rowid LIMIT $4";
 
@@ -245,7 +249,7 @@ async fn mark_certificates(
 }
 
 /// Queues what the session lacks in its box: its tracking, or a score with the edits that were made elsewhere.
-async fn enqueue_for_box(
+pub(super) async fn enqueue_for_box(
     tx: &mut SqliteConnection,
     session: SessionId,
     is_import: bool,

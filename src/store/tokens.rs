@@ -78,7 +78,7 @@ const INSERT_TOKEN: &str = "
 
 const SELECT_TOKENS: &str = "
     SELECT id, name, role, person_id, box_id, made_with, created_at_ms, expires_at_ms, last_used_at_ms FROM token
-    WHERE NOT EXISTS (SELECT 1 FROM person JOIN pending_erasure ON pending_erasure.trainee_id = person.trainee_id
+    WHERE NOT EXISTS (SELECT 1 FROM person JOIN hidden_trainee ON hidden_trainee.trainee_id = person.trainee_id
                       WHERE person.id = token.person_id)
     ORDER BY id DESC";
 
@@ -104,7 +104,7 @@ const SELECT_TOKEN_SCOPE: &str = "
     LEFT JOIN person ON person.id = person_id
     WHERE secret_hash = $1 AND (expires_at_ms IS NULL OR expires_at_ms > $2)
       AND (token.role IN ('agent', person.role) OR person.role = 'administrator')
-      AND NOT EXISTS (SELECT 1 FROM pending_erasure WHERE pending_erasure.trainee_id = person.trainee_id)";
+      AND NOT EXISTS (SELECT 1 FROM hidden_trainee WHERE hidden_trainee.trainee_id = person.trainee_id)";
 
 const UPDATE_LAST_USED: &str = "
     UPDATE token SET last_used_at_ms = max($2, coalesce(last_used_at_ms, $2)) WHERE id = $1";

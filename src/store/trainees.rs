@@ -6,6 +6,7 @@ use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
 use super::pending_erasures::SELECT_ACCOUNT_OF_TRAINEE;
+use super::record_merges::{give_back_trainee, trainees_merged_into};
 use super::retention::forget_box_jobs_of_trainee;
 use super::tokens::withdraw_tokens;
 use super::visibility::{BindScope, SELECT_AUDIENCE, TraineeAudience, require_staff};
@@ -47,7 +48,7 @@ const SELECT_TRAINEES: &str = "
     FROM trainee
     WHERE ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND ($3 IS NULL OR code > $3) ORDER BY code LIMIT $4";
 
 const SELECT_GROUP_TRAINEES: &str = "
@@ -57,7 +58,7 @@ const SELECT_GROUP_TRAINEES: &str = "
     WHERE id IN (SELECT trainee_id FROM group_trainee WHERE group_id = $3)
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM hidden_trainee))
     ORDER BY name, code LIMIT $4";
 
 const SELECT_NAMED_TRAINEES: &str = "
@@ -67,17 +68,18 @@ const SELECT_NAMED_TRAINEES: &str = "
     WHERE id IN (SELECT value FROM json_each($3))
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM hidden_trainee))
     ORDER BY name, code";
 
 pub(super) const SELECT_TRAINEE: &str = "
     SELECT id, code, name, level, handedness, created_at_ms,
            (SELECT count(*) > 1 FROM group_trainee WHERE trainee_id = trainee.id) AS is_in_several_groups
     FROM trainee
-    WHERE $3 IN (id, code)
+    WHERE id = (SELECT coalesce(merged.kept_id, named.id) FROM trainee AS named
+                LEFT JOIN merged_trainee AS merged ON merged.trainee_id = named.id WHERE $3 IN (named.id, named.code))
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))";
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 const SELECT_GROUP_NAMES: &str = "
     SELECT training_group.name FROM group_trainee JOIN training_group ON training_group.id = group_trainee.group_id
@@ -199,13 +201,21 @@ impl TraineeStore<'_> {
     }
 }
 
-/// Erases a trainee, as [`TraineeStore::erase`] does.
+/// Erases a trainee with the records that were merged into theirs, as [`TraineeStore::erase`] does.
 pub(super) async fn erase(
     tx: &mut sqlx::SqliteConnection,
     scope: &Scope,
     now_ms: i64,
     id: TraineeId,
 ) -> StoreResult<()> {
+    give_back_trainee(tx, id, now_ms).await?;
+    for merged in trainees_merged_into(tx, id).await? {
+        erase_record(tx, scope, now_ms, merged).await?;
+    }
+    erase_record(tx, scope, now_ms, id).await
+}
+
+async fn erase_record(tx: &mut sqlx::SqliteConnection, scope: &Scope, now_ms: i64, id: TraineeId) -> StoreResult<()> {
     skill_models::withdraw(tx, id, now_ms).await?;
     forget_box_jobs_of_trainee(tx, id).await?;
     let account: Option<PersonId> =

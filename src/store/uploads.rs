@@ -108,7 +108,7 @@ const SELECT_UPLOAD: &str = "
       AND (($1 = 'administrator'
             OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
            OR ($1 = 'agent' AND $2 = box_id))
-      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))";
+      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 const SELECT_UNFINISHED: &str = "SELECT * FROM upload WHERE session_id IS NULL";
 

@@ -11,9 +11,10 @@
 //! The view `visible_trainee` (`migrations/0019_views.sql`) has the trainees of instructors and of trainees. The column
 //! stands outside the subquery: inside, a name of the view could hide it.
 //!
-//! Trainees who wait for their erasure are hidden from all people, and so is all that belongs to them. Only the service's
+//! Trainees who wait for their erasure, and records that were merged into another one of the same person, are hidden
+//! from all people, and so is all that belongs to them (view `hidden_trainee`). Only the service's
 //! own work sees them: its `$2` is [`SERVICE`]. So each condition on trainees is followed by
-//! `($2 IS 'service' OR … NOT IN (SELECT trainee_id FROM pending_erasure))`; a test finds statements that lack it.
+//! `($2 IS 'service' OR … NOT IN (SELECT trainee_id FROM hidden_trainee))`; a test finds statements that lack it.
 //!
 //! Where hundreds of callers ask about one trainee at the same moment, one query reads its [`TraineeAudience`], which
 //! decides for each of them.
@@ -66,11 +67,11 @@ const SELECT_VISIBLE_TRAINEE: &str = "
     WHERE id = $3
       AND ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM pending_erasure))";
+      AND ($2 IS 'service' OR id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 pub(super) const SELECT_AUDIENCE: &str = "
     SELECT role, subject FROM visible_trainee
-    WHERE trainee_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)";
+    WHERE trainee_id = $1 AND trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee)";
 
 /// The people who saw a trainee when it was read.
 #[derive(Clone, Debug, PartialEq, Eq)]

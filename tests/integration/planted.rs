@@ -50,10 +50,15 @@ pub struct Planter {
 impl Planter {
     /// Opens the database of a service with a box `box-1` and a task `peg`, and gives the box a camera and colours.
     pub async fn open(database: &std::path::Path) -> Self {
+        Self::open_box(database, "box-1").await
+    }
+
+    /// The same for another box.
+    pub async fn open_box(database: &std::path::Path, code: &str) -> Self {
         let settings = StoreSettings::default();
         let store = Store::open(database, &settings, Arc::new(SystemClock)).await.unwrap();
         let service = Scope::service();
-        let in_box = store.boxes().get(&service, &Key::from("box-1")).await.unwrap().id;
+        let in_box = store.boxes().get(&service, &Key::from(code)).await.unwrap().id;
         let task = store.tasks().get(&service, &Key::from("peg")).await.unwrap().id;
         let camera = r#"{"width":640,"height":480,"fx":500.1,"fy":500.2,"cx":320,"cy":240,"rms_px":0.31}"#;
         let (camera, source) = (CameraFile::parse(camera).unwrap(), CalibrationSource::File);
@@ -93,6 +98,14 @@ impl Planter {
     /// Adds a session with this recording time and these features.
     pub async fn session(&self, trainee: TraineeId, recorded_at_ms: i64, features: Vec<FeatureRow>) {
         self.result(trainee, recorded_at_ms, features, (PIPELINE_VERSION, "valid")).await;
+    }
+
+    /// The same, and returns the session.
+    pub async fn scored(&self, trainee: TraineeId, recorded_at_ms: i64, features: Vec<FeatureRow>) -> SessionId {
+        let session = self.create(trainee, recorded_at_ms).await;
+        let lease = self.claim().await;
+        self.finish(&lease, features, (PIPELINE_VERSION, "valid"), None).await;
+        session
     }
 
     /// The same with the pipeline version and the verdict of the quality gate.
@@ -177,6 +190,12 @@ impl Planter {
         let to = SessionDestination { trainee: Some(self.trainee(trainee).await), task: Some(task), in_box: None };
         let why = "Kim was still signed in.".parse().unwrap();
         self.store.session_moves().add(&Scope::service(), session.parse().unwrap(), to, why).await.unwrap();
+    }
+
+    /// Completes the next job in the queue, the tracking of a session.
+    pub async fn finish_next(&self, features: Vec<FeatureRow>) {
+        let lease = self.claim().await;
+        self.finish(&lease, features, (PIPELINE_VERSION, "valid"), None).await;
     }
 
     /// Claims the next job in the queue and returns its kind.

@@ -2,6 +2,7 @@
 
 mod calibrations;
 mod form;
+mod merges;
 mod palette;
 mod previews;
 mod self_tests;
@@ -10,6 +11,7 @@ mod valid_from;
 use axum::extract::State;
 use axum::http::StatusCode;
 pub use calibrations::*;
+pub use merges::*;
 pub use palette::*;
 pub use previews::*;
 pub use self_tests::*;

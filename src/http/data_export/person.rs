@@ -8,7 +8,9 @@ use super::ExportJob;
 use super::archive::{Archive, ExportFailure, unless_gone};
 use crate::domain::blob::BlobHash;
 use crate::domain::edit::EditsInForce;
-use crate::domain::text::{Key, Name};
+use crate::domain::scope::Scope;
+use crate::domain::text::{Code, Key, Login, Name};
+use crate::domain::trainee::{Handedness, Level};
 use crate::http::account::SignInEntry;
 use crate::http::certificates::CertificateHistory;
 use crate::http::people::PersonResponse;
@@ -18,8 +20,10 @@ use crate::http::show::Time;
 use crate::http::single_sign_on::IdentityResponse;
 use crate::http::trainees::{AccessEntryResponse, ConsentResponse, RetentionResponse, TraineeResponse};
 use crate::http::waiting_recordings::{RecordingProposal, WaitingRecordingResponse};
-use crate::ids::SessionId;
-use crate::store::{CertificateFilter, PageRequest, SessionFilter, SessionOpening, SessionRecord, TraineeRecord};
+use crate::ids::{SessionId, TraineeId};
+use crate::store::{
+    CertificateFilter, MergedRecord, PageRequest, SessionFilter, SessionOpening, SessionRecord, TraineeRecord,
+};
 use crate::time::Day;
 use crate::vault::VaultError;
 
@@ -43,7 +47,8 @@ audit.json         who changed this person's data, and what this person changed 
 pub(super) const FILES: &str = "\
 profile.json       name, level, hand, groups; account, sign-ins and accounts at
                    the provider of single sign-on, without the password;
-                   when each session was opened
+                   when each session was opened; other records of the person
+                   that were merged into this one
 consent.json       whether the person consents to recordings, and all decisions
 retention.json     for how long videos are kept
 waiting_recordings.json  recordings that wait for a name, and that the list in the watched folder
@@ -64,6 +69,8 @@ sessions/…/        one folder for each session:
   preview.jpg      one frame
   table.csv        the table of another program, if the session was imported
   video.…          the recording, if it was asked for and is still kept
+sessions-filed-twice/…/  the same of recordings that this record and a merged
+                   one both had: those of the merged one, which count nowhere
 ";
 
 const FILE_ERROR: &str = "\
@@ -83,8 +90,40 @@ struct PersonProfile {
     sign_ins: Vec<SignInEntry>,
     /// Accounts at the provider of single sign-on; empty without `account`.
     identities: Vec<IdentityResponse>,
+    /// Other records of the person that are merged into this one; empty in the export of an instructor.
+    merged_records: Vec<MergedRecordEntry>,
     /// When the person last opened each session, in the person's own export and that of administrators.
     openings: Vec<OpeningEntry>,
+}
+
+/// Another record of the person, and what is hidden of it.
+#[derive(Serialize)]
+struct MergedRecordEntry {
+    id: TraineeId,
+    code: Code,
+    name: Name,
+    level: Option<Level>,
+    handedness: Option<Handedness>,
+    created_at: Time,
+    /// Login of its account, which cannot sign in any more.
+    login: Option<Login>,
+    merged_at: Time,
+}
+
+impl From<MergedRecord> for MergedRecordEntry {
+    fn from(merged: MergedRecord) -> Self {
+        let MergedRecord { id, code, name, level, handedness, created_at_ms, login, merged_at_ms } = merged;
+        Self {
+            id,
+            code,
+            name,
+            level,
+            handedness,
+            created_at: Time(created_at_ms),
+            login,
+            merged_at: Time(merged_at_ms),
+        }
+    }
 }
 
 /// When a session was last opened.
@@ -105,14 +144,27 @@ pub(super) fn add(
     archive.add_json(&format!("{below}profile.json"), &job.wait(profile(job, trainee))?)?;
     add_consent(job, trainee, below, archive)?;
     add_certificates(job, trainee, below, archive)?;
-    let filter = SessionFilter { trainee: Some(Key::from(&trainee.id)), ..SessionFilter::default() };
+    add_sessions(job, trainee.id, &format!("{below}sessions/"), archive)?;
+    if !job.has_account(trainee) {
+        return Ok(());
+    }
+    let hidden = ExportJob { app: job.app.clone(), scope: Scope::service(), runtime: job.runtime.clone(), ..*job };
+    for merged in job.wait(job.app.store.record_merges().records_of(&job.scope, trainee.id))? {
+        add_sessions(&hidden, merged.id, &format!("{below}sessions-filed-twice/"), archive)?;
+    }
+    Ok(())
+}
+
+/// Adds the sessions of a trainee's record below the folder `below`.
+fn add_sessions(job: &ExportJob, trainee: TraineeId, below: &str, archive: &mut Archive) -> Result<(), ExportFailure> {
+    let filter = SessionFilter { trainee: Some(Key::from(&trainee)), ..SessionFilter::default() };
     let mut after = None;
     loop {
         let store = &job.app.store;
         let page = job.wait(store.sessions().list(&job.scope, &filter, &PageRequest::new(ROUND, after)))?;
         for session in page.items {
             let id = session.id;
-            let folder = format!("{below}sessions/{}-{id}/", Day::of(session.recorded_at_ms));
+            let folder = format!("{below}{}-{id}/", Day::of(session.recorded_at_ms));
             unless_gone(add_session(job, &session, &folder, archive))?;
         }
         after = page.next;
@@ -137,9 +189,14 @@ async fn profile(job: &ExportJob, trainee: &TraineeRecord) -> Result<PersonProfi
         Some(account) => app.store.feedback().openings(account.id).await?,
         None => Vec::new(),
     };
+    let merged_records = match job.has_account(trainee) {
+        true => app.store.record_merges().records_of(scope, trainee.id).await?,
+        false => Vec::new(),
+    };
     let opening = |of: SessionOpening| OpeningEntry { session: of.session_id, opened_at: Time(of.opened_at_ms) };
     Ok(PersonProfile {
         openings: openings.into_iter().map(opening).collect(),
+        merged_records: merged_records.into_iter().map(MergedRecordEntry::from).collect(),
         trainee: TraineeResponse::new(trainee.clone(), scope),
         groups: app.store.trainees().groups(scope, trainee.id).await?,
         account: account.map(PersonResponse::from),

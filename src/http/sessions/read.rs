@@ -22,7 +22,7 @@ use crate::http::read::{Json, Params, PathKey};
 use crate::http::show::{PageResponse, Paging};
 use crate::http::state::App;
 use crate::live::Interruption;
-use crate::store::{self, SessionCount, SessionFilter, StandardRecord};
+use crate::store::{self, SessionCount, SessionFilter, StandardRecord, StoreError};
 use crate::time::from_rfc3339;
 
 /// Selects sessions.
@@ -103,7 +103,8 @@ pub async fn list(
     by: Member,
     Params(which): Params<SessionsQuery>,
 ) -> HandlerResult<Json<PageResponse<SessionResponse>>> {
-    let (filter, order) = (which.filter()?, which.order.unwrap_or(SessionOrder::Arrival));
+    let filter = app.filter_of_kept_records(&by.scope, which.filter()?).await?;
+    let order = which.order.unwrap_or(SessionOrder::Arrival);
     let list = match order {
         SessionOrder::Arrival => "sessions",
         SessionOrder::Recorded => "sessions-by-recording",
@@ -179,7 +180,7 @@ pub async fn count(
     by: Member,
     Params(which): Params<SessionCountQuery>,
 ) -> HandlerResult<Json<SessionCount>> {
-    let which = SessionsQuery::from(which).filter()?;
+    let which = app.filter_of_kept_records(&by.scope, SessionsQuery::from(which).filter()?).await?;
     Ok(Json(app.store.sessions().count(&by.scope, &which).await?))
 }
 
@@ -266,6 +267,22 @@ pub async fn erase(State(app): State<App>, by: Member, at: PathKey) -> HandlerRe
 }
 
 impl App {
+    /// The filter with the kept record in place of one that was merged into it.
+    async fn filter_of_kept_records(&self, scope: &Scope, filter: SessionFilter) -> HandlerResult<SessionFilter> {
+        let mut kept = filter;
+        if let Some(key) = &kept.trainee
+            && let Some(id) = found(self.store.trainees().get(scope, key).await)?.map(|trainee| trainee.id)
+        {
+            kept.trainee = Some(Key::from(&id));
+        }
+        if let Some(key) = &kept.in_box
+            && let Some(id) = found(self.store.boxes().get(scope, key).await)?.map(|of| of.id)
+        {
+            kept.in_box = Some(Key::from(&id));
+        }
+        Ok(kept)
+    }
+
     /// What is known of a recording whose sender is gone; `None` unless the session is one.
     async fn interruption(&self, session: &store::SessionRecord) -> HandlerResult<Option<Interruption>> {
         match session.status() {
@@ -293,5 +310,14 @@ impl App {
         let progress = super::show::progress(status, session.job_progress);
         self.events.publish(Event::Session { id, trainee, status, progress });
         self.queue.work_arrived();
+    }
+}
+
+/// `None` for what does not exist, or not for the caller.
+fn found<T>(read: Result<T, StoreError>) -> HandlerResult<Option<T>> {
+    match read {
+        Ok(found) => Ok(Some(found)),
+        Err(StoreError::NotFound { .. }) => Ok(None),
+        Err(error) => Err(error.into()),
     }
 }

@@ -90,7 +90,7 @@ const LIST: &str = "
     SELECT * FROM job
     WHERE EXISTS (SELECT 1 FROM visible_job WHERE role = $1 AND subject IS nullif($2, 'service') AND job_id = job.id)
           AND ($2 IS 'service' OR NOT EXISTS (SELECT 1 FROM session WHERE session.id = job.session_id
-                                              AND trainee_id IN (SELECT trainee_id FROM pending_erasure)))
+                                              AND trainee_id IN (SELECT trainee_id FROM hidden_trainee)))
           AND ($3 IS NULL OR id < $3) AND (NOT $4 OR state IN ('queued', 'running'))
     ORDER BY id DESC LIMIT $5";
 
@@ -99,7 +99,7 @@ const GET: &str = "
     WHERE id = $3
           AND EXISTS (SELECT 1 FROM visible_job WHERE role = $1 AND subject IS nullif($2, 'service') AND job_id = job.id)
           AND ($2 IS 'service' OR NOT EXISTS (SELECT 1 FROM session WHERE session.id = job.session_id
-                                              AND trainee_id IN (SELECT trainee_id FROM pending_erasure)))";
+                                              AND trainee_id IN (SELECT trainee_id FROM hidden_trainee)))";
 
 const DONE_PALETTE_INPUTS: &str = "
     SELECT input FROM job

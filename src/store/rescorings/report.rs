@@ -149,7 +149,7 @@ const SELECT_ITEMS: &str = "
     FROM rescoring_item AS item
     JOIN session ON session.id = item.session_id
     JOIN trainee ON trainee.id = session.trainee_id
-    WHERE item.rescoring_id = $1 AND session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)
+    WHERE item.rescoring_id = $1 AND session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee)
       AND ((item.judgement_changed, item.features_apart, item.features_changed) < ($2, $3, $4)
            OR ((item.judgement_changed, item.features_apart, item.features_changed) = ($2, $3, $4)
                AND item.session_id > $5))
@@ -169,7 +169,7 @@ const SELECT_TRAINEES: &str = "
     FROM rescoring_item AS item
     JOIN session ON session.id = item.session_id
     JOIN trainee ON trainee.id = session.trainee_id
-    WHERE item.rescoring_id = $1 AND session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)
+    WHERE item.rescoring_id = $1 AND session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee)
     GROUP BY session.trainee_id
     HAVING (sum(item.judgement_changed), sum(item.features_apart > 0)) < ($2, $3)
         OR ((sum(item.judgement_changed), sum(item.features_apart > 0)) = ($2, $3) AND session.trainee_id > $4)

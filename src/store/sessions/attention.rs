@@ -37,7 +37,7 @@ const SELECT_REFUSED: &str = "
     WHERE session.created_at_ms >= $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND session.verdict = 'refused'
       AND NOT EXISTS (SELECT 1 FROM dismissed_session AS dismissed
                       WHERE dismissed.session_id = session.id AND dismissed.kind = 'refused'
@@ -53,7 +53,7 @@ const SELECT_BOX_ASKED: &str = "
     WHERE session.box_question = 'asked'
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id)
       AND NOT EXISTS (SELECT 1 FROM dismissed_session AS dismissed
                       WHERE dismissed.session_id = session.id AND dismissed.kind = 'box_asked'
@@ -69,7 +69,7 @@ const SELECT_UNRATED: &str = "
     WHERE session.created_at_ms >= $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND session.verdict IS NOT 'refused' AND session.tracker IS NULL
       AND NOT EXISTS (SELECT 1 FROM rating WHERE rating.session_id = session.id)
       AND session.task_id IN (SELECT rated.task_id FROM rating JOIN session AS rated ON rated.id = rating.session_id

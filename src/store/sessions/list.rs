@@ -52,7 +52,7 @@ const SELECT_BY_ARRIVAL: &str = "
     FROM session_record JOIN session_background AS background ON background.session_id = session_record.id
     WHERE ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND ($3 IS NULL OR $3 IN (trainee_id, trainee_code))
       AND ($4 IS NULL OR $4 IN (task_id, task_code))
       AND ($5 IS NULL OR $5 IN (box_id, box_code))
@@ -82,7 +82,7 @@ pub(in crate::store) const SELECT_BY_RECORDING: &str = "
     FROM session_record JOIN session_background AS background ON background.session_id = session_record.id
     WHERE ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND ($3 IS NULL OR $3 IN (trainee_id, trainee_code))
       AND ($4 IS NULL OR $4 IN (task_id, task_code))
       AND ($5 IS NULL OR $5 IN (box_id, box_code))
@@ -116,7 +116,7 @@ const COUNT_SESSIONS: &str = "
          JOIN training_box ON training_box.id = box_id
          WHERE ($1 = 'administrator'
                 OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-           AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)))
+           AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee)))
     SELECT (SELECT count(*) FROM seen) AS \"all\",
            (SELECT count(*) FROM seen
             WHERE ($3 IS NULL OR $3 IN (trainee_id, trainee_code))

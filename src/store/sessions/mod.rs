@@ -195,7 +195,7 @@ const SELECT_SESSION: &str = "
     WHERE id = $3
       AND ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))";
+      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 impl SessionStore<'_> {
     /// One session.

@@ -140,7 +140,7 @@ pub(in crate::store) const SELECT_PRACTICE: &str = "
     WHERE session.trainee_id = $3 AND session.task_id = $4
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
     ORDER BY session.recorded_at_ms DESC, session.id DESC LIMIT $5";
 
 /// Selects the last `$4` sessions of each pair of a trainee and a task in `$3` (a JSON array), newest first.
@@ -163,7 +163,7 @@ pub(in crate::store) const SELECT_PRACTICE_OF_MANY: &str = "
          ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $4)
     WHERE ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
     ORDER BY session.recorded_at_ms DESC, session.id DESC";
 
 /// Selects the features named in `$2` of the results `$1`, both JSON arrays. By default, SQLite would read all features
@@ -177,7 +177,7 @@ const SELECT_TRAINEE_TASKS: &str = "
     WHERE recorded_at_ms >= $3 AND task_id IN (SELECT standard.task_id FROM standard)
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
     GROUP BY trainee_id, task_id ORDER BY max(recorded_at_ms) DESC LIMIT $4";
 
 const SELECT_TRAINEES_OF_TASK: &str = "
@@ -185,7 +185,7 @@ const SELECT_TRAINEES_OF_TASK: &str = "
     WHERE task_id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
     GROUP BY trainee_id ORDER BY max(recorded_at_ms) DESC LIMIT $4";
 
 const SELECT_LAST_TASK: &str = "
@@ -193,7 +193,7 @@ const SELECT_LAST_TASK: &str = "
     WHERE trainee_id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
     ORDER BY recorded_at_ms DESC, id DESC LIMIT 1";
 
 impl SessionStore<'_> {

@@ -105,21 +105,21 @@ const SELECT_SESSION_RESULT: &str = "
     WHERE result.session_id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))";
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 const SELECT_RESULT: &str = "
     SELECT result.* FROM result JOIN session ON session.id = result.session_id
     WHERE result.session_id = $3 AND result.id = $4
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))";
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 const SELECT_RESULTS: &str = "
     SELECT result.* FROM result JOIN session ON session.id = result.session_id
     WHERE result.session_id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
     ORDER BY result.id = (SELECT current.id FROM current_result AS current WHERE current.session_id = $3) DESC,
              result.rowid DESC LIMIT $4";
 

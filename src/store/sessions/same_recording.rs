@@ -50,7 +50,7 @@ const SELECT_SAME_ELSEWHERE: &str = "
     WHERE this.id = $3 AND other.trainee_id <> this.trainee_id
       AND ($1 = 'administrator'
            OR other.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR other.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR other.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
     ORDER BY other.created_at_ms, other.id LIMIT $4";
 
 const SELECT_IS_ELSEWHERE: &str = "
@@ -59,7 +59,7 @@ const SELECT_IS_ELSEWHERE: &str = "
                        (SELECT id FROM session WHERE video = this.video
                         UNION SELECT id FROM session WHERE path_hash = this.path_hash)
                    WHERE this.id = $1 AND other.trainee_id <> this.trainee_id
-                     AND other.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))";
+                     AND other.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 impl SessionStore<'_> {
     /// The same recording under other trainees. The caller sees the session `id`; of the others, the answer has those that

@@ -20,6 +20,15 @@ use crate::ids::{BoxId, JobId, PersonId, ResultId, SessionId, TaskId, TraineeId}
 
 pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id = $1";
 
+/// The same recording of a record that was merged into the trainee's: hidden, and erased with the session.
+const DELETE_TWINS: &str = "
+    DELETE FROM session WHERE id IN
+        (SELECT twin.id FROM session AS kept
+         JOIN merged_trainee AS merged ON merged.kept_id = kept.trainee_id
+         JOIN session AS twin ON twin.trainee_id = merged.trainee_id AND twin.task_id = kept.task_id
+              AND (twin.box_id = kept.box_id AND twin.video = kept.video OR twin.path_hash = kept.path_hash)
+         WHERE kept.id = $1)";
+
 const DELETE_ARRIVING_SESSION: &str = "DELETE FROM session WHERE id = $1 AND video IS NULL";
 
 const INSERT_SESSION: &str = "
@@ -158,6 +167,7 @@ impl SessionStore<'_> {
                     skill_models::withdraw_of_session(tx, id, now_ms).await?;
                     forget_box_jobs_of_session(tx, id).await?;
                     certificates::mark(tx, &scope, &[id], CertificateEventKind::SessionErased, now_ms).await?;
+                    sqlx::query(DELETE_TWINS).bind(id).execute(&mut *tx).await?;
                     let delete = if is_arriving { DELETE_ARRIVING_SESSION } else { DELETE_SESSION };
                     let deleted = sqlx::query(delete).bind(id).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {

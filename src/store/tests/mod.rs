@@ -12,6 +12,7 @@ mod owners;
 mod pending_erasures;
 mod queue;
 mod ratings;
+mod record_merges;
 mod rescorings;
 mod schema;
 mod self_tests;

@@ -15,7 +15,7 @@ use crate::support::{Client, poll, problem};
 const OF_ADA: &str = "/api/v1/trainees/ada/data.zip";
 
 /// The files of an export.
-async fn export(client: &Client, path: &str) -> BTreeMap<String, Vec<u8>> {
+pub async fn export(client: &Client, path: &str) -> BTreeMap<String, Vec<u8>> {
     let answer = client.get(path).await;
     assert_eq!(
         (answer.status(), &answer.headers()[header::CONTENT_TYPE]),

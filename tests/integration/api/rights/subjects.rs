@@ -167,6 +167,8 @@ impl FilledCentre {
                 let person = self.centre.administrator.make("/api/v1/people", account).await;
                 ("password-links", json!({"person": person["id"]}))
             }
+            "merge" => return self.merge("trainees", "trainee", [owned("Kept"), owned("Merged")]).await,
+            "box-merge" => return self.merge("boxes", "box", [owned("Kept box"), owned("Merged box")]).await,
             "calibration" => return self.calibration(owned("Box")).await,
             "palette" => return self.palette(owned("Box")).await,
             "group" => return Subject::of(text(group)),
@@ -196,6 +198,22 @@ impl FilledCentre {
         import(administrator, ["ada", "bob"][side], 100 + side as u32).await;
         let path = format!("/api/v1/trainees/{}/certificates", ["ada", "bob"][side]);
         text(&administrator.make(&path, json!({"task": "task-one", "language": "de"})).await["id"])
+    }
+
+    /// Two new records that are merged, and their merge.
+    async fn merge(&self, noun: &str, field: &str, new: [Value; 2]) -> Subject {
+        let administrator = &self.centre.administrator;
+        let mut ids = Vec::new();
+        for mut record in new {
+            if noun == "trainees" {
+                let groups = record.as_object_mut().unwrap().remove("groups").unwrap();
+                record["group"] = groups[0].clone();
+            }
+            ids.push(text(&administrator.make(&format!("/api/v1/{noun}"), record).await["id"]));
+        }
+        let body = json!({field: ids[1], "why": "Registered twice."});
+        let made = administrator.make(&format!("/api/v1/{noun}/{}/merges", ids[0]), body).await;
+        Subject { id: ids[0].clone(), part: text(&made["id"]) }
     }
 
     /// A new box, and the version of its camera.
