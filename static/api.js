@@ -369,6 +369,14 @@ export const api = {
     progress: (id, query, signal) => request('GET', ['trainees', id, 'progress'], { query, signal }),
     /** The courses of the trainee's groups, latest first. @param {string} id @param {AbortSignal} [signal] */
     courses: (id, signal) => request('GET', ['trainees', id, 'courses'], { signal }).then(page => page.items),
+    /** The records that were merged into this one. @param {string} id @param {AbortSignal} [signal] */
+    merges: (id, signal) => request('GET', ['trainees', id, 'merges'], { signal }),
+    /** What merging another record would do. @param {string} id @param {ApiBody<'POST', ['trainees', string, 'merges', 'preview']>} json */
+    previewMerge: (id, json) => request('POST', ['trainees', id, 'merges', 'preview'], { json }),
+    /** @param {string} id @param {ApiBody<'POST', ['trainees', string, 'merges']>} json */
+    merge: (id, json) => request('POST', ['trainees', id, 'merges'], { json }),
+    /** @param {string} id @param {string} merge @param {ApiBody<'POST', ['trainees', string, 'merges', string, 'separate']>} json */
+    separate: (id, merge, json) => request('POST', ['trainees', id, 'merges', merge, 'separate'], { json }),
     /** What erasing the trainee deletes. @param {string} id @param {AbortSignal} [signal] */
     erasure: (id, signal) => request('GET', ['trainees', id, 'erasure'], { signal }),
     /** @param {string} id @param {boolean} canBeTakenBack */
@@ -432,6 +440,14 @@ export const api = {
   },
   boxes: {
     ...resource('boxes'),
+    /** The records that were merged into this one. @param {string} id @param {AbortSignal} [signal] */
+    merges: (id, signal) => request('GET', ['boxes', id, 'merges'], { signal }),
+    /** What merging another record would do. @param {string} id @param {ApiBody<'POST', ['boxes', string, 'merges', 'preview']>} json */
+    previewMerge: (id, json) => request('POST', ['boxes', id, 'merges', 'preview'], { json }),
+    /** @param {string} id @param {ApiBody<'POST', ['boxes', string, 'merges']>} json */
+    merge: (id, json) => request('POST', ['boxes', id, 'merges'], { json }),
+    /** @param {string} id @param {string} merge @param {ApiBody<'POST', ['boxes', string, 'merges', string, 'separate']>} json */
+    separate: (id, merge, json) => request('POST', ['boxes', id, 'merges', merge, 'separate'], { json }),
     /** @param {string} id */
     camera: id => request('GET', ['boxes', id, 'camera']),
     /**

@@ -13,6 +13,7 @@ import { PaletteForm, PaletteSummary } from '../parts/boxes/box_palette.js';
 import { SelfTestForm, SelfTestSummary, TodaysLight } from '../parts/boxes/box_self_test.js';
 import { RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
 import { ownerGroups } from '../parts/forms/owners.js';
+import { MergedNotice, RecordMerges } from '../parts/people/record_merges.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { isBare } from '../setup/marks.js';
 import { boxFields, CameraState, PaletteState, tokenWarning } from './boxes.js';
@@ -62,6 +63,7 @@ export default function BoxPage({ person, route }) {
     <//>
     <div class="steps">
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
+      <${MergedNotice} record=${box} opened=${id} />
       ${box.agent_token_expires_at && html`<${Notice} tone="warn" title=${tokenWarning(box)}>${t.boxes.tokenBody}<//>`}
       <${Readiness} box=${box} ready=${isReady} palette=${box.palettes[0]} mayEdit=${mayEdit} />
       <section class="card">
@@ -91,6 +93,7 @@ export default function BoxPage({ person, route }) {
             isFirst=${box.selfTests.length === 0} onChange=${reload} />`}
         </div>
       </section>
+      ${may(person, 'people') && html`<${RecordMerges} kind="box" record=${box} onChange=${reload} />`}
     </div>
     ${edit.dialogs}`;
 }

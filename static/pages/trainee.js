@@ -12,6 +12,7 @@ import { featureTitle, featureWithTool } from '../translate.js';
 import { AccessEntries } from '../parts/people/access_entries.js';
 import { CertificatesCard } from '../parts/people/certificates.js';
 import { ConsentCard } from '../parts/people/consent.js';
+import { MergedNotice, RecordMerges } from '../parts/people/record_merges.js';
 import { RetentionCard } from '../parts/people/retention.js';
 import { StrengthsAndWeaknesses } from '../parts/people/strengths.js';
 import { Field } from '../parts/forms/form.js';
@@ -57,6 +58,7 @@ export default function Trainee({ person, route }) {
       <a class="button" href=${href(['trainees', id, 'certificate'], { task: route.query.get('task') ?? base.usual?.id })}>${t.certificate.open}</a>
       <a class="button" href=${href(['trainees', id, 'report'], { task: route.query.get('task'), cohort: cohortOf(route) })}>${t.report.open}</a><//>
     <div class="stack">
+      <${MergedNotice} record=${trainee} opened=${id} />
       <${OwnCourses} trainee=${id} first=${base.courses} />
       <div>${tasks.length ? html`<${Progress} id=${id} base=${base} route=${route} />`
         : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}</div>
@@ -64,7 +66,8 @@ export default function Trainee({ person, route }) {
         <${RetentionCard} trainee=${trainee.id} name=${trainee.name} mayEdit /></div>`}
       <${CertificatesCard} trainee=${trainee.id} person=${person} />
       <${OwnData} trainee=${id} />
-      ${may(person, 'people') && html`<${AccessEntries} trainee=${trainee.id} />`}
+      ${may(person, 'people') && html`<${AccessEntries} trainee=${trainee.id} />
+        <${RecordMerges} kind="trainee" record=${trainee} onChange=${reload} />`}
     </div>`;
 }
 

@@ -477,6 +477,35 @@ test('a trainee sees their own pass, and nothing of others', async () => {
   await own.context().close();
 });
 
+test('two records of one person are merged after a look at the effect, and separated', async () => {
+  const [kept, twin] = [`Cleo Brandt ${mark}`, `Cleo Brandt-Maas ${mark}`];
+  const [one, other] = [await create('trainees', { name: kept }), await create('trainees', { name: twin, level: 'novice' })];
+  const names = async () => (await getJson('trainees?limit=200')).items.map(trainee => trainee.name);
+  await open(`/trainees/${one.id}`);
+  const card = page.locator('.card', { has: page.getByRole('heading', { name: 'Same person' }) });
+  await card.getByRole('button', { name: 'Same person as …' }).click();
+  const dialog = page.locator('dialog[open]');
+  await dialog.getByLabel('The other record').selectOption({ label: `${twin} (${other.code})` });
+  await takePictures('30-merge');
+  await dialog.getByRole('button', { name: 'See what happens' }).click();
+  await dialog.getByText('The level is taken over from the other record.').waitFor();
+  assert.ok((await names()).includes(twin), 'nothing is changed yet');
+  await takePictures('31-merge-effect');
+  await dialog.getByLabel('Why?').fill('Registered again after her wedding.');
+  await dialog.getByRole('button', { name: 'Merge', exact: true }).click();
+  await card.getByText(`${twin} (${other.code})`).waitFor();
+  assert.ok(!(await names()).includes(twin));
+  await takePictures('32-merged');
+  await open(`/trainees/${other.code}`);
+  await page.locator('.notice', { hasText: `was merged into ${kept}` }).waitFor();
+  await takePictures('33-merged-code');
+  await card.getByRole('button', { name: `Separate: ${twin}` }).click();
+  await dialog.getByLabel('Why?').fill('They are two people.');
+  await dialog.getByRole('button', { name: 'Separate', exact: true }).click();
+  await card.getByText(/Separated by/).waitFor();
+  assert.ok((await names()).includes(twin));
+});
+
 test('a trainee is erased once their name is typed, and restored from the list of those who wait', async () => {
   await page.goto(`${url}/trainees`);
   const row = page.locator('tbody tr', { hasText: BEN });
