@@ -36,7 +36,7 @@ export function RecordMerges({ kind, record, onChange }) {
     onChange();
   };
   return html`
-    <section class="card">
+    <section class="card record-merges">
       <header><h2>${own.title}</h2></header>
       <div class="body stack">
         <p class="small muted">${own.body}</p>
