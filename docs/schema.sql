@@ -533,10 +533,24 @@ CREATE TABLE session (
     box_id         TEXT NOT NULL REFERENCES training_box (id) ON DELETE RESTRICT, -- where
     filename       TEXT NOT NULL CHECK (length(filename) BETWEEN 1 AND 255), -- the recording's name as it was sent
     media_type     TEXT NOT NULL CHECK (length(media_type) BETWEEN 3 AND 127), -- the recording's type, as video/mp4
-    video          TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- the recording; NULL: it is still arriving
+    whole_video          TEXT REFERENCES blob (hash) ON DELETE RESTRICT,           -- the recording; NULL: it is still arriving
     recorded_at_ms INTEGER NOT NULL,                                         -- when it was recorded, epoch ms
-    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0), tracker TEXT CHECK (length(tracker) BETWEEN 1 AND 40), box_question TEXT CHECK (box_question IN ('asked', 'this_box', 'other_box')), recorded_at_source TEXT NOT NULL DEFAULT 'claimed' CHECK (recorded_at_source IN ('claimed', 'arrival')), path_hash TEXT CHECK (length(path_hash) = 64), supervision TEXT CHECK (supervision IN ('sent_by_staff', 'marked', 'none')), supervised_by TEXT REFERENCES person (id) ON DELETE SET NULL, supervised_at_ms INTEGER CHECK (supervised_at_ms >= 0), date_known INTEGER NOT NULL DEFAULT 0 CHECK (date_known IN (0, 1)),              -- when it was whole here, epoch ms
-    UNIQUE (trainee_id, task_id, box_id, video)
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0), tracker TEXT CHECK (length(tracker) BETWEEN 1 AND 40), box_question TEXT CHECK (box_question IN ('asked', 'this_box', 'other_box')), recorded_at_source TEXT NOT NULL DEFAULT 'claimed' CHECK (recorded_at_source IN ('claimed', 'arrival')), path_hash TEXT CHECK (length(path_hash) = 64), supervision TEXT CHECK (supervision IN ('sent_by_staff', 'marked', 'none')), supervised_by TEXT REFERENCES person (id) ON DELETE SET NULL, supervised_at_ms INTEGER CHECK (supervised_at_ms >= 0), date_known INTEGER NOT NULL DEFAULT 0 CHECK (date_known IN (0, 1)), video TEXT REFERENCES blob (hash) ON DELETE RESTRICT, is_part INTEGER NOT NULL DEFAULT 0 CHECK (is_part IN (0, 1)), cut_of TEXT REFERENCES session (id) ON DELETE SET NULL,              -- when it was whole here, epoch ms
+    UNIQUE (trainee_id, task_id, box_id, whole_video)
+) STRICT;
+
+CREATE TABLE session_cut (
+    id             TEXT PRIMARY KEY CHECK (length(id) = 36),                    -- CutId
+    first_id       TEXT REFERENCES session (id) ON DELETE SET NULL,             -- the session with the part before the cut; NULL: erased
+    second_id      TEXT REFERENCES session (id) ON DELETE SET NULL,             -- the session with the part after it; NULL: erased, or joined
+    first_edit_id  TEXT REFERENCES session_edit (id) ON DELETE SET NULL,        -- the trim of the first part
+    second_edit_id TEXT REFERENCES session_edit (id) ON DELETE SET NULL,        -- the trim of the second part
+    at_s           REAL NOT NULL CHECK (at_s > 0 AND at_s < 86400),             -- where it was cut, s of the recording
+    person_id      TEXT REFERENCES person (id) ON DELETE SET NULL,              -- who cut it; NULL: deleted, or the service
+    why            TEXT NOT NULL CHECK (length(why) BETWEEN 1 AND 2000),        -- the reason, in the person's words
+    created_at_ms  INTEGER NOT NULL CHECK (created_at_ms >= 0),                 -- when, epoch ms
+    joined_by      TEXT REFERENCES person (id) ON DELETE SET NULL,              -- who joined the parts; NULL: cut, deleted, or the service
+    joined_at_ms   INTEGER CHECK (joined_at_ms >= created_at_ms)                -- when, epoch ms; NULL: it is cut
 ) STRICT;
 
 CREATE TABLE session_edit (
@@ -903,6 +917,8 @@ CREATE INDEX session_box_order ON session (box_id, created_at_ms, id, box_questi
 
 CREATE INDEX session_came ON session (created_at_ms, id);
 
+CREATE INDEX session_cut_of ON session (cut_of) WHERE cut_of IS NOT NULL;
+
 CREATE INDEX session_path ON session (path_hash) WHERE path_hash IS NOT NULL;
 
 CREATE INDEX session_practised ON session (trainee_id, task_id, recorded_at_ms, id);
@@ -914,6 +930,20 @@ CREATE INDEX session_supervised_by ON session (supervised_by) WHERE supervised_b
 CREATE INDEX session_task ON session (task_id);
 
 CREATE INDEX session_video ON session (video);
+
+CREATE INDEX session_whole_video ON session (whole_video);
+
+CREATE INDEX session_cut_first ON session_cut (first_id);
+
+CREATE INDEX session_cut_first_edit ON session_cut (first_edit_id);
+
+CREATE INDEX session_cut_joined_by ON session_cut (joined_by);
+
+CREATE INDEX session_cut_person ON session_cut (person_id);
+
+CREATE INDEX session_cut_second ON session_cut (second_id);
+
+CREATE INDEX session_cut_second_edit ON session_cut (second_edit_id);
 
 CREATE UNIQUE INDEX session_box_answer ON session_edit (session_id, box_id) WHERE kind IN ('this_box', 'other_box') AND undone_at_ms IS NULL;
 
@@ -1017,6 +1047,12 @@ END;
 
 CREATE TRIGGER session_leaves_no_waiting_recording AFTER DELETE ON session WHEN OLD.video IS NOT NULL BEGIN
     DELETE FROM waiting_recording WHERE video = OLD.video;
+CREATE TRIGGER session_gets_whole_video AFTER UPDATE OF video ON session WHEN NEW.is_part = 0 BEGIN
+    UPDATE session SET whole_video = NEW.video WHERE id = NEW.id;
+END;
+
+CREATE TRIGGER session_has_whole_video AFTER INSERT ON session WHEN NEW.is_part = 0 AND NEW.video IS NOT NULL BEGIN
+    UPDATE session SET whole_video = NEW.video WHERE id = NEW.id;
 END;
 
 CREATE TRIGGER trainee_erased AFTER DELETE ON trainee BEGIN
@@ -1134,7 +1170,8 @@ CREATE VIEW merged_trainee (trainee_id, kept_id) AS
                       WHERE later.merged_trainee_id = followed.kept_id AND later.separated_at_ms IS NULL);
 
 CREATE VIEW practised_session AS
-    SELECT session.id, session.trainee_id, session.task_id, session.recorded_at_ms, session.rowid AS arrival,
+    SELECT session.id, session.trainee_id, session.task_id, session.recorded_at_ms,
+           coalesce((SELECT whole.rowid FROM session AS whole WHERE whole.id = session.cut_of), session.rowid) AS arrival,
            session.video IS NOT NULL AS is_whole,
            NOT EXISTS (SELECT 1 FROM uncounted_session WHERE uncounted_session.session_id = session.id) AS counts,
            session.box_question, job.state AS job_state, result.id AS result_id, result.pipeline, result.calibration_id,

@@ -72,6 +72,8 @@ ids! {
     SelfTestId;
     /// A trainee.
     TraineeId;
+    /// A cut of a recording into two sessions.
+    CutId;
     /// A merge of two records of one person or box.
     MergeId;
     /// An exercise.

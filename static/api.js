@@ -528,6 +528,12 @@ export const api = {
     undo: (id, edit) => request('POST', ['sessions', id, 'edits', edit, 'undo']),
     /** The session's moves to another trainee, task or box. @param {string} id @param {AbortSignal} [signal] */
     moves: (id, signal) => request('GET', ['sessions', id, 'moves'], { signal }),
+    /** The cuts that the session is a part of. @param {string} id @param {AbortSignal} [signal] */
+    cuts: (id, signal) => request('GET', ['sessions', id, 'cuts'], { signal }),
+    /** @param {string} id @param {ApiBody<'POST', ['sessions', string, 'cuts']>} json */
+    cut: (id, json) => request('POST', ['sessions', id, 'cuts'], { json }),
+    /** @param {string} id @param {string} cut */
+    join: (id, cut) => request('POST', ['sessions', id, 'cuts', cut, 'undo']),
     /** @param {string} id @param {ApiBody<'POST', ['sessions', string, 'moves']>} json */
     move: (id, json) => request('POST', ['sessions', id, 'moves'], { json }),
     /**

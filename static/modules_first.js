@@ -17,7 +17,7 @@
       parts/playback/plots.js parts/playback/readouts.js parts/playback/space_painter.js parts/playback/track.js
       parts/recording/recording_target.js parts/session/advice.js parts/session/background.js
       parts/session/box_question.js parts/session/cohort_places.js parts/session/comments.js
-      parts/session/compared_space.js parts/session/edit_dialog.js parts/session/edits.js
+      parts/session/compared_space.js parts/session/cuts.js parts/session/edit_dialog.js parts/session/edits.js
       parts/session/error_score.js parts/session/error_sheet.js parts/session/error_sheets.js parts/session/evidence.js
       parts/session/feature_folds.js parts/session/feature_notes.js parts/session/features.js parts/session/ghost.js
       parts/session/moves.js parts/session/outcome_card.js parts/session/quality.js parts/session/ratings.js

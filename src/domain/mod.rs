@@ -43,6 +43,7 @@
 //! | [`record_merge`] | merging two records of one person or box |
 //! | [`rescoring`] | scoring sessions again: the order, and what changed |
 //! | [`session`] | states of a recording, versions and features of its result |
+//! | [`session_cut`] | cutting a recording with two attempts into two sessions |
 //! | [`session_move`] | moving a session to the right trainee, task or box |
 //! | [`skill`] | a model of skill: as stored, as shown, and as a file |
 //! | [`waiting_recording`] | recordings that wait for a name |
@@ -90,6 +91,7 @@ pub mod scope;
 pub mod secret;
 pub mod self_test;
 pub mod session;
+pub mod session_cut;
 pub mod session_move;
 pub mod single_sign_on;
 pub mod skill;

@@ -218,6 +218,8 @@ fn session_routes() -> OpenApiRouter<App> {
         .routes(routes!(sessions::edits, sessions::edit))
         .routes(routes!(sessions::undo_edit))
         .routes(routes!(sessions::moves, sessions::move_session))
+        .routes(routes!(sessions::cuts, sessions::cut))
+        .routes(routes!(sessions::join))
 }
 
 /// Recordings that wait for a name.

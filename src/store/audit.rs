@@ -108,6 +108,8 @@ const SELECT_ENTRIES: &str = "
         WHEN noun = 'session' THEN
             coalesce((SELECT why FROM session_move
                       WHERE action = 'move' AND session_id = subject AND created_at_ms = at_ms),
+                     (SELECT why FROM session_cut
+                      WHERE action = 'cut' AND first_id = subject AND created_at_ms = at_ms),
                      (SELECT why FROM session_edit
                       WHERE kind = action AND session_id = subject AND created_at_ms = at_ms))
         END AS why

@@ -14,6 +14,7 @@ use super::audit::note;
 use super::certificates;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::{enqueue_rescore_if_outdated, enqueue_track};
+use super::session_cuts::refuse_if_cut;
 use super::sessions::SELECT_CURRENT_RESULT;
 use super::visibility::require_staff;
 use super::{Scope, Store};
@@ -130,6 +131,8 @@ const SELECT_RESCORE_JOB: &str = "
     SELECT id, state, problem FROM job
     WHERE session_id = $1 AND kind IN ('rescore', 'track') ORDER BY rowid DESC LIMIT 1";
 
+const SELECT_AUTHOR: &str = "SELECT person_id FROM session_edit WHERE id = $1";
+
 const UNDO_EDIT: &str = "
     UPDATE session_edit
     SET undone_at_ms = max($2, created_at_ms), undone_by = $3
@@ -236,16 +239,8 @@ impl EditStore<'_> {
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
-                refuse_if_open(tx, session, edit.kind).await?;
-                let update = sqlx::query(UNDO_EDIT);
-                let update = update.bind(id).bind(now_ms).bind(by.person()).execute(&mut *tx).await?;
-                if update.rows_affected() == 0 {
-                    return Ok(());
-                }
-                certificates::mark(tx, &by, &[session], CertificateEventKind::SessionChanged, now_ms).await?;
-                settle_box_question(tx, session).await?;
-                enqueue_new_score(tx, session, edit.kind, now_ms, attempts).await?;
-                note(tx, &by, now_ms, ("undo", "session_edit"), id).await
+                refuse_if_cut(tx, id).await?;
+                undo(tx, (&by, now_ms, attempts), (session, edit.kind), id).await
             })
             .await?;
         self.get(scope, session, id).await
@@ -255,6 +250,80 @@ impl EditStore<'_> {
         let all = self.of_session(scope, session).await?.items;
         all.into_iter().find(|edit| edit.id == id).ok_or(not_found("edit"))
     }
+}
+
+/// Undoes an edit; one that is undone already stays as it is.
+async fn undo(
+    tx: &mut SqliteConnection,
+    (by, now_ms, attempts): (&Scope, i64, u32),
+    (session, kind): (SessionId, EditKind),
+    id: EditId,
+) -> StoreResult<()> {
+    refuse_if_open(tx, session, kind).await?;
+    let update = sqlx::query(UNDO_EDIT).bind(id).bind(now_ms).bind(by.person()).execute(&mut *tx).await?;
+    if update.rows_affected() == 0 {
+        return Ok(());
+    }
+    certificates::mark(tx, by, &[session], CertificateEventKind::SessionChanged, now_ms).await?;
+    settle_box_question(tx, session).await?;
+    enqueue_new_score(tx, session, kind, now_ms, attempts).await?;
+    note(tx, by, now_ms, ("undo", "session_edit"), id).await
+}
+
+/// Undoes the trim that a cut made.
+pub(super) async fn undo_trim(
+    tx: &mut SqliteConnection,
+    by: (&Scope, i64, u32),
+    session: SessionId,
+    id: EditId,
+) -> StoreResult<()> {
+    undo(tx, by, (session, EditKind::Trim), id).await
+}
+
+/// Trims a scored session in the transaction of its caller, and queues its new score. Returns the edit.
+pub(super) async fn add_trim(
+    tx: &mut SqliteConnection,
+    (by, now_ms, attempts): (&Scope, i64, u32),
+    (session, change, why): (SessionId, EditChange, Remark),
+    basis: EditBasis,
+) -> StoreResult<EditId> {
+    refuse_if_open(tx, session, EditKind::Trim).await?;
+    refuse_if_changed(tx, session, EditKind::Trim, basis).await?;
+    let id = insert_trim(tx, (by, now_ms), (session, change, why)).await?;
+    certificates::mark(tx, by, &[session], CertificateEventKind::SessionChanged, now_ms).await?;
+    enqueue_new_score(tx, session, EditKind::Trim, now_ms, attempts).await?;
+    Ok(id)
+}
+
+/// Trims a session that has no score yet.
+pub(super) async fn insert_trim(
+    tx: &mut SqliteConnection,
+    (by, now_ms): (&Scope, i64),
+    (session, change, why): (SessionId, EditChange, Remark),
+) -> StoreResult<EditId> {
+    let id = EditId::at(now_ms);
+    insert(tx, (id, session, by.person()), &change, why, now_ms).await?;
+    note(tx, by, now_ms, (change.kind().name(), "session"), session).await?;
+    Ok(id)
+}
+
+/// Copies the trims, swaps and time corrections in force of one session to another one with the same recording.
+pub(super) async fn copy_in_force(
+    tx: &mut SqliteConnection,
+    [from, to]: [SessionId; 2],
+    now_ms: i64,
+) -> StoreResult<()> {
+    let items: Vec<EditRecord> = sqlx::query_as(SELECT_EDITS).bind(from).bind(MAX_EDITS).fetch_all(&mut *tx).await?;
+    for edit in items.into_iter().filter(EditRecord::is_in_force) {
+        let author = sqlx::query_scalar(SELECT_AUTHOR).bind(edit.id).fetch_optional(&mut *tx).await?.flatten();
+        match edit.change() {
+            Some(change @ (EditChange::Trim(_) | EditChange::Swap(..) | EditChange::Retime(_))) => {
+                insert(tx, (EditId::at(now_ms), to, author), &change, edit.why, now_ms).await?;
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 /// The edits that the session must be scored with. In a transaction, they belong to the result that it reads.

@@ -307,8 +307,8 @@ async fn sign_in(
     Ok(Ok(person))
 }
 
-/// The person of a known identity, with the role of its groups. The closed account of a merged record stands for that of
-/// the kept one.
+/// The person of a known identity, with the role of its groups. The closed account of a merged record opens that of the
+/// kept one.
 async fn admit(
     tx: &mut SqliteConnection,
     found: IdentityRecord,

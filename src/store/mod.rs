@@ -39,6 +39,7 @@
 //! | [`Store::score_formulas`] | `add` `list` |
 //! | [`Store::error_sheets`] | `of_session` `begin` `open_items` `mark` `unmark` `set_values` `finish` `discard` `given` |
 //! | [`Store::edits`] | `of_session` `in_force` `add` `undo` |
+//! | [`Store::session_cuts`] | `of_session` `add` `join` |
 //! | [`Store::session_moves`] | `of_session` `add` |
 //! | [`Store::record_merges`] | `of_trainee` `records_of` `preview_trainees` `merge_trainees` `separate_trainees` `of_box` `preview_boxes` `merge_boxes` `separate_boxes` |
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
@@ -102,6 +103,7 @@ mod retention;
 mod schema_version;
 mod self_tests;
 mod sender_limits;
+mod session_cuts;
 mod session_moves;
 mod sessions;
 mod skill_models;
@@ -173,6 +175,7 @@ pub use retention::{RetentionStore, VideoAge};
 pub use schema_version::SchemaState;
 pub use self_tests::{SelfTestLight, SelfTestRecord, SelfTestStore};
 pub use sender_limits::SenderLimits;
+pub use session_cuts::{SessionCutRecord, SessionCutStore};
 pub use session_moves::{FiledUnder, SessionDestination, SessionMoveRecord, SessionMoveStore};
 pub use sessions::{
     AttentionItem, Practice, PracticeMeasurement, PracticeResult, PracticeSession, SameRecording, SameRecordings,
@@ -473,6 +476,8 @@ accessors! {
     error_sheets: ErrorSheetStore;
     /// Edits of scored sessions.
     edits: EditStore;
+    /// Cuts of recordings with two attempts.
+    session_cuts: SessionCutStore;
     /// Moves of sessions to the right trainee, task or box.
     session_moves: SessionMoveStore;
     /// Merges of two records of one person or box.

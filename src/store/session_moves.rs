@@ -15,7 +15,6 @@ use super::consents::require_consent;
 use super::edits::settle_box_question;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::jobs::{enqueue_rescore_if_outdated, enqueue_track};
-use super::sessions::{SELECT_SAME_PATH, SELECT_SAME_SESSION};
 use super::skill_models;
 use super::visibility::{BindScope, require_staff, require_trainee};
 use super::{Scope, Store};
@@ -143,6 +142,15 @@ const SELECT_VIDEO_IS_DROPPED: &str = "
     SELECT EXISTS (SELECT 1 FROM session JOIN blob ON blob.hash = session.video
                    WHERE session.id = $1 AND blob.dropped_at_ms IS NOT NULL)";
 
+/// The same recording in a place, or with `$6` the same path of an import, except the other parts of a cut recording that
+/// session `$5` is a part of.
+const SELECT_SAME_ELSEWHERE: &str = "
+    SELECT other.id FROM session AS other JOIN session AS moved ON moved.id = $5
+    WHERE other.trainee_id = $1 AND other.task_id = $2
+      AND (other.box_id = $3 AND other.video = $4 OR other.path_hash = $6)
+      AND coalesce(other.cut_of, other.id) <> coalesce(moved.cut_of, moved.id)
+    ORDER BY other.created_at_ms, other.id LIMIT 1";
+
 type PlaceRow = (TraineeId, TaskId, BoxId, Option<BlobHash>, Option<BlobHash>, bool);
 
 impl SessionMoveStore<'_> {
@@ -188,7 +196,7 @@ impl SessionMoveStore<'_> {
                 }
                 let is_other_box = from.in_box != to.in_box;
                 let is_other_work = (from.trainee, from.task) != (to.trainee, to.task);
-                refuse_duplicate(tx, to, (video, path.filter(|_| is_other_work))).await?;
+                refuse_duplicate(tx, session, to, (video, path.filter(|_| is_other_work))).await?;
                 if is_other_box && !is_import {
                     refuse_if_open(tx, session).await?;
                 }
@@ -274,14 +282,12 @@ pub(super) async fn enqueue_for_box(
 /// or task.
 async fn refuse_duplicate(
     tx: &mut SqliteConnection,
+    session: SessionId,
     to: SessionPlace,
     (video, path): (BlobHash, Option<BlobHash>),
 ) -> StoreResult<()> {
-    let found = match path {
-        Some(path) => sqlx::query_scalar(SELECT_SAME_PATH).bind(to.trainee).bind(to.task).bind(path),
-        None => sqlx::query_scalar(SELECT_SAME_SESSION).bind(to.trainee).bind(to.task),
-    };
-    let existing: Option<String> = found.bind(to.in_box).bind(video).fetch_optional(tx).await?;
+    let found = sqlx::query_scalar(SELECT_SAME_ELSEWHERE).bind(to.trainee).bind(to.task).bind(to.in_box);
+    let existing: Option<String> = found.bind(video).bind(session).bind(path).fetch_optional(tx).await?;
     existing.map_or(Ok(()), |id| Err(StoreError::Taken { what: "recording", existing: Some(id) }))
 }
 

@@ -13,6 +13,7 @@ import { BoxQuestion } from '../parts/session/box_question.js';
 import { Retimed, SetAside } from '../parts/session/edits.js';
 import { LiveErrors } from '../parts/session/error_sheets.js';
 import { LiveFeatures, LiveView } from '../parts/live/live_view.js';
+import { Cuts } from '../parts/session/cuts.js';
 import { MoveButton, Moves } from '../parts/session/moves.js';
 import { Announce, Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { OutcomeCard } from '../parts/session/outcome_card.js';
@@ -64,6 +65,8 @@ export default function Session({ person, route }) {
         ${session.retry_can_help && may(person, 'see_boxes') && html`<p><a href=${href(['boxes', session.box.id])}>${
           words.toBox(session.box.name)}</a></p>`}`}
       <${SameRecording} session=${session} person=${person} />
+      <${Cuts} key=${edits?.revision} session=${session} person=${person}
+        onChange=${cut => (cut.first === session.id ? (readEdits(), reload()) : go(['sessions', cut.first]))} />
       <${BoxQuestion} session=${session} person=${person} edits=${edits} onChange=${() => (readEdits(), reload())} />
       <${EarlyEnd} session=${session} />
       <${SetAside} session=${session} edits=${edits} />

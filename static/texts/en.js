@@ -677,6 +677,19 @@ export default {
       asideBody: 'The section “Edits” shows who set it aside and why.',
       asideBy: (why, who, when) => `${why} – ${who}, ${when}`,
     },
+    cuts: {
+      cut: 'Cut here',
+      cutAt: at => `Cut at ${at}`,
+      title: 'Cut this recording into two sessions',
+      does: at => `This session keeps the part before ${at}. A second session is made for the rest, and measured anew. Both show the same video. Ratings and comments stay here. You can join the parts again until the second one has ratings, comments or edits of its own.`,
+      why: 'Why?',
+      whyHint: 'For staff who read it later: “Two attempts in one recording.”',
+      isFirst: at => `This is the part before ${at} of a recording with two attempts`,
+      isSecond: at => `This is the part from ${at} on of a recording with two attempts`,
+      toFirst: 'To the first part',
+      toSecond: 'To the second part',
+      join: 'Join the parts',
+    },
     moves: {
       move: 'Move',
       title: 'Move this session',
@@ -1251,7 +1264,7 @@ export default {
     merge: 'Merge',
     separate: 'Separate',
     separateTitle: name => `Separate ${name}?`,
-    separateBody: (merged, kept) => `${merged} gets everything back that came with the merge and is still there. What came since stays with ${kept}; sessions can be moved.`,
+    separateBody: (merged, kept) => `${merged} gets everything back that moved with the merge and is still there. What arrived since stays with ${kept}; sessions can be moved.`,
     ledHere: name => `The record that you opened was merged into ${name}: both are the same.`,
   },
   consent: {

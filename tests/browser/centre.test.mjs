@@ -506,6 +506,36 @@ test('two records of one person are merged after a look at the effect, and separ
   assert.ok((await names()).includes(twin));
 });
 
+test('a recording with two attempts is cut where the player stands, and joined again', async () => {
+  const [trainee, task, box] = [await create('trainees', { name: `Dora Cut ${mark}` }), await create('tasks', { name: `Cut ${mark}` }), await create('boxes', { name: `Cut box ${mark}` })];
+  const rows = Array.from({ length: 300 }, (_, frame) => `${frame},${frame / 25},left,${20 * Math.sin(frame / 15)},${20 * Math.cos(frame / 30)},150`);
+  const query = new URLSearchParams({ trainee: trainee.id, task: task.id, box: box.id, tracker: 'Kinovea' });
+  const id = await page.evaluate(async ([at, body]) => {
+    const answer = await fetch(at, { method: 'POST', headers: { 'Content-Type': 'text/csv' }, body });
+    return (await answer.json()).id;
+  }, [`/api/v1/sessions/import?${query}`, ['frame,time_s,tool,x_mm,y_mm,z_mm', ...rows].join('\n')]);
+  const isScored = async of => (await getJson(`sessions/${of}`)).status === 'done' && (await getJson(`sessions/${of}/edits`)).score === 'current';
+  await waitUntil(() => isScored(id), 'the score');
+  await open(`/sessions/${id}?t=6`);
+  await button('Cut here').click();
+  const dialog = page.locator('dialog[open]');
+  await dialog.getByLabel('Why?').fill('Two attempts in one recording.');
+  await takePictures('34-cut');
+  await dialog.getByRole('button', { name: /^Cut at 0:06/ }).click();
+  const notice = page.locator('.notice', { hasText: 'This is the part before 0:06' });
+  await notice.waitFor();
+  const [cut] = (await getJson(`sessions/${id}/cuts`)).items;
+  await waitUntil(async () => (await isScored(id)) && isScored(cut.second), 'the scores of both parts');
+  await takePictures('35-cut-first');
+  await notice.getByRole('link', { name: 'To the second part' }).click();
+  await page.locator('.notice', { hasText: 'This is the part from 0:06' }).waitFor();
+  await takePictures('36-cut-second');
+  await button('Join the parts').click();
+  await page.waitForURL(`**/sessions/${id}`);
+  await waitUntil(() => isScored(id), 'the score of the whole recording');
+  assert.equal((await getJson(`sessions/${id}/cuts`)).items[0].second, null);
+});
+
 test('a trainee is erased once their name is typed, and restored from the list of those who wait', async () => {
   await page.goto(`${url}/trainees`);
   const row = page.locator('tbody tr', { hasText: BEN });

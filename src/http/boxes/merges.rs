@@ -74,7 +74,7 @@ pub async fn merge(
 
 /// Separate two merged records of one box
 ///
-/// The hidden record gets back what followed and is still there, and is shown again. What came since the merge stays with
+/// The hidden record gets back what followed and is still there, and is shown again. What arrived since the merge stays with
 /// this record; a session among it that was tracked with the camera of the other one is tracked again.
 #[utoipa::path(post, path = "/boxes/{id}/merges/{merge}/separate", tag = "boxes",
     params(("id" = String, Path, description = "id or code"), ("merge" = String, Path, description = "id of the merge")),

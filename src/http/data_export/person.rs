@@ -15,7 +15,7 @@ use crate::http::account::SignInEntry;
 use crate::http::certificates::CertificateHistory;
 use crate::http::people::PersonResponse;
 use crate::http::service::AuditChange;
-use crate::http::sessions::{EditsResponse, MoveResponse, SessionResponse, write_edited_csv};
+use crate::http::sessions::{CutResponse, EditsResponse, MoveResponse, SessionResponse, write_edited_csv};
 use crate::http::show::Time;
 use crate::http::single_sign_on::IdentityResponse;
 use crate::http::trainees::{AccessEntryResponse, ConsentResponse, RetentionResponse, TraineeResponse};
@@ -64,6 +64,7 @@ sessions/…/        one folder for each session:
   error_sheets.json  errors that raters counted, and the score that they give
   edits.json       trims, corrections and answers of the staff, with reasons
   moves.json       moves of the session to another trainee, task or box
+  cuts.json        cuts of a recording with two attempts into two sessions
   path.csv         the path of the tools: millimetres and seconds
   ….error.txt      in place of a path, preview, table or video that could not be read
   preview.jpg      one frame
@@ -287,6 +288,7 @@ fn add_session(
     let scored = job.wait(app.store.sessions().result_with_edits(scope, id))?;
     let edits = job.wait(app.store.edits().of_session(scope, id))?;
     let moves = job.wait(app.store.session_moves().of_session(scope, id))?;
+    let cuts = job.wait(app.store.session_cuts().of_session(scope, id))?;
     let (ratings, comments) = (job.wait(app.ratings_of(scope, id))?, job.wait(app.comments_of(scope, id))?);
     let error_sheets = job.wait(app.error_sheets_of(scope, id))?;
     let shown = SessionResponse::of(session.clone(), scored.as_ref().map(|(result, _)| result.clone()));
@@ -298,6 +300,8 @@ fn add_session(
     let moves: Vec<MoveResponse> =
         moves.into_iter().map(|made| MoveResponse::for_trainee(made, session.trainee_id)).collect();
     archive.add_json(&format!("{folder}moves.json"), &moves)?;
+    let cuts: Vec<CutResponse> = cuts.into_iter().map(CutResponse::for_trainee).collect();
+    archive.add_json(&format!("{folder}cuts.json"), &cuts)?;
     if let Some((result, in_force)) = scored {
         add_path(job, id, (result.trajectory, &in_force), folder, archive)?;
         if let Some(preview) = result.preview

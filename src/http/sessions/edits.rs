@@ -183,7 +183,7 @@ pub async fn undo_edit(
 impl App {
     /// Checks the change against the session's path, in a child process. Returns the change as it can be applied, and
     /// what it was checked against.
-    async fn check_change(
+    pub(super) async fn check_change(
         &self,
         scope: &Scope,
         session: SessionId,
@@ -220,7 +220,7 @@ impl App {
     }
 
     /// Notifies workers of a possible job, and watchers of the session's new state.
-    async fn notify_edited(&self, scope: &Scope, session: SessionId) -> HandlerResult<()> {
+    pub(super) async fn notify_edited(&self, scope: &Scope, session: SessionId) -> HandlerResult<()> {
         let session = self.store.sessions().get(scope, session).await?;
         self.notify_session_changed(&session);
         Ok(())

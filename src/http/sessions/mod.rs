@@ -1,6 +1,7 @@
 //! Sessions: recordings, their status, results, files, ratings, comments, error sheets, edits and moves.
 
 mod comments;
+mod cuts;
 mod edits;
 mod error_sheets;
 mod evidence;
@@ -18,6 +19,7 @@ mod trajectory;
 mod watched;
 
 pub use comments::*;
+pub use cuts::*;
 pub use edits::*;
 pub use error_sheets::*;
 pub use evidence::*;

@@ -83,7 +83,7 @@ pub async fn merge(
 
 /// Separate two merged records of one person
 ///
-/// The hidden record gets back what followed and is still there, and is shown again. What came since the merge stays with
+/// The hidden record gets back what followed and is still there, and is shown again. What arrived since the merge stays with
 /// this record; sessions among it can be moved. Accounts that change hands are signed out.
 #[utoipa::path(post, path = "/trainees/{id}/merges/{merge}/separate", tag = "trainees",
     params(("id" = String, Path, description = "id or code"), ("merge" = String, Path, description = "id of the merge")),

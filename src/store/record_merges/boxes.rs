@@ -138,6 +138,7 @@ const SELECT_IS_BUSY: &str = "
 const COUNT_TWINS: &str = "
     SELECT count(*) FROM session JOIN session AS other
       ON other.trainee_id = session.trainee_id AND other.task_id = session.task_id AND other.video = session.video
+         AND coalesce(other.cut_of, other.id) <> coalesce(session.cut_of, session.id)
     WHERE session.box_id = $1 AND other.box_id = $2";
 
 const SELECT_MERGE: &str = "
@@ -201,7 +202,7 @@ impl RecordMergeStore<'_> {
     }
 
     /// Separates two merged records of one box, in one transaction: the hidden one gets back what followed, and is shown
-    /// again. What came since the merge stays with the kept record; a session among it that was tracked with the camera of
+    /// again. What arrived since the merge stays with the kept record; a session among it that was tracked with the camera of
     /// the other one is tracked again.
     ///
     /// # Errors

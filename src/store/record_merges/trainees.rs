@@ -29,7 +29,9 @@ pub(super) const OF_TRAINEE: &[Followed] = &[
     UPDATE OR IGNORE session SET trainee_id = $2
     WHERE trainee_id = $1
       AND NOT EXISTS (SELECT 1 FROM session AS same WHERE same.trainee_id = $2 AND same.task_id = session.task_id
-                      AND same.path_hash = session.path_hash)
+                      AND coalesce(same.cut_of, same.id) <> coalesce(session.cut_of, session.id)
+                      AND (same.path_hash = session.path_hash
+                           OR same.box_id = session.box_id AND same.video = session.video))
     RETURNING id",
         give_back: "
     UPDATE OR IGNORE session SET trainee_id = $1
@@ -320,7 +322,7 @@ impl RecordMergeStore<'_> {
     }
 
     /// Separates two merged records of one person, in one transaction: the hidden one gets back what followed, and is shown
-    /// again. What came since the merge stays with the kept record.
+    /// again. What arrived since the merge stays with the kept record.
     ///
     /// # Errors
     /// They are separated already, or the kept record itself was merged into another one.

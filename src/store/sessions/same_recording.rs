@@ -48,6 +48,7 @@ const SELECT_SAME_ELSEWHERE: &str = "
                                                 UNION SELECT id FROM session WHERE path_hash = this.path_hash)
     JOIN trainee ON trainee.id = other.trainee_id JOIN task ON task.id = other.task_id
     WHERE this.id = $3 AND other.trainee_id <> this.trainee_id
+      AND coalesce(other.cut_of, other.id) <> coalesce(this.cut_of, this.id)
       AND ($1 = 'administrator'
            OR other.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR other.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
@@ -59,6 +60,7 @@ const SELECT_IS_ELSEWHERE: &str = "
                        (SELECT id FROM session WHERE video = this.video
                         UNION SELECT id FROM session WHERE path_hash = this.path_hash)
                    WHERE this.id = $1 AND other.trainee_id <> this.trainee_id
+                     AND coalesce(other.cut_of, other.id) <> coalesce(this.cut_of, this.id)
                      AND other.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 impl SessionStore<'_> {

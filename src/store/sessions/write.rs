@@ -77,9 +77,10 @@ impl NewSessionRow {
 }
 
 pub(in crate::store) const SELECT_SAME_SESSION: &str = "
-    SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4";
+    SELECT id FROM session WHERE trainee_id = $1 AND task_id = $2 AND box_id = $3 AND video = $4
+    ORDER BY is_part, created_at_ms, id LIMIT 1";
 
-pub(in crate::store) const SELECT_SAME_PATH: &str = "
+const SELECT_SAME_PATH: &str = "
     SELECT id FROM session
     WHERE trainee_id = $1 AND task_id = $2 AND (path_hash = $3 OR (box_id = $4 AND video = $5))
     ORDER BY created_at_ms, id LIMIT 1";

@@ -6,6 +6,7 @@ import { dateTime, number } from '../../format.js';
 import { may } from '../../roles.js';
 import { t } from '../../texts.js';
 import { problemTitle } from '../../translate.js';
+import { CutButton } from './cuts.js';
 import { EditDialog } from './edit_dialog.js';
 import { Notice, ProblemNotice } from '../page/notice.js';
 import { spanName, useMarked } from './span_bar.js';
@@ -45,6 +46,8 @@ export function Edits({ session, person, edits, playback, tools, onEdited }) {
               words.kinds.retime}</button>`}
             ${!session.set_aside && html`<button class="button" type="button" onClick=${() => setDialogKind('set_aside')}>${
               words.kinds.set_aside}</button>`}
+            ${scored && edits.score === 'current' && html`<${CutButton} session=${session}
+              playback=${playback} onCut=${onEdited} />`}
           </div>
           ${scored && !marked && html`<p class="small muted">${words.markFirst}</p>`}`}
         ${inForce.length > 0 && html`<ul class="edit-list">${inForce.map(edit => html`

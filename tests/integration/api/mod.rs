@@ -13,6 +13,7 @@ mod certificates;
 mod consent;
 mod corrections;
 mod courses;
+mod cuts;
 mod data_export;
 mod documents;
 mod edits;

@@ -257,6 +257,7 @@ impl FilledCentre {
                 let is_of_session = |job: &&Value| job["session"] == scored.as_str();
                 Subject::of(text(&jobs["items"].as_array().unwrap().iter().find(is_of_session).unwrap()["id"]))
             }
+            "cut" => part(administrator, "cuts", json!({"at_s": 6, "why": "Two attempts."})).await,
             "edit" => {
                 let trim = json!({"kind": "trim", "from_s": 1, "to_s": 9, "why": "Talked at first."});
                 part(administrator, "edits", trim).await
