@@ -46,6 +46,12 @@ CREATE TABLE blob (
     created_at_ms INTEGER NOT NULL CHECK (created_at_ms >= 0)                -- when first stored, epoch ms
 , dropped_at_ms INTEGER CHECK (dropped_at_ms >= 0)) STRICT;
 
+CREATE TABLE box_agent (
+    box_id       TEXT PRIMARY KEY REFERENCES training_box (id) ON DELETE CASCADE, -- whose
+    program      TEXT NOT NULL CHECK (length(program) <= 120),                   -- program and version, for people
+    last_seen_ms INTEGER NOT NULL CHECK (last_seen_ms >= 0)                      -- when its last state arrived, precise to a minute, epoch ms
+) STRICT;
+
 CREATE TABLE calibration (
     id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- CalibrationId
     box_id        TEXT NOT NULL REFERENCES training_box (id) ON DELETE CASCADE, -- whose camera
@@ -112,6 +118,10 @@ CREATE TABLE certificate_session (
     number         INTEGER NOT NULL CHECK (number >= 1),                     -- the session's number on the certificate
     session_id     TEXT REFERENCES session (id) ON DELETE SET NULL,          -- the session; NULL: erased
     PRIMARY KEY (certificate_id, number)
+CREATE TABLE check_in_pin (
+    person_id TEXT PRIMARY KEY REFERENCES person (id) ON DELETE CASCADE,         -- whose; deleted with the account
+    pin_hash  TEXT NOT NULL CHECK (pin_hash LIKE '$argon2id$%'),                    -- argon2id, like a password's
+    set_at_ms INTEGER NOT NULL CHECK (set_at_ms >= 0)                            -- when it was set, epoch ms
 ) STRICT;
 
 CREATE TABLE cohort (

@@ -20,7 +20,7 @@
 //! | 1 pure | [`numbers`] ← [`vision`] ← [`motion`] ← [`statistics`]; [`simulation`]; [`checks`] | tokio, axum, sqlx, ffmpeg, `std::{fs, net, env, thread}`, the clock, `serde_json` and other formats |
 //! | 2 domain | [`domain`] | tokio, axum, sqlx, ffmpeg, files, network |
 //! | 3 adapters | [`media`] [`store`] [`vault`] [`sandbox`] [`identity_provider`] | axum, each other; sqlx only in `store`, ffmpeg only in `media` |
-//! | 4 services | [`queue`] [`analysis`] [`intake`] [`live`] [`capture`] [`certificates`] [`cohorts`] [`rescoring`] [`events`] [`access_log`] [`upkeep`] | axum, sqlx, ffmpeg |
+//! | 4 services | [`queue`] [`analysis`] [`intake`] [`live`] [`capture`] [`certificates`] [`cohorts`] [`rescoring`] [`events`] [`access_log`] [`box_agents`] [`upkeep`] | axum, sqlx, ffmpeg |
 //! | 5 outside | [`http`] [`commands`] [`settings`] | `http` names neither sqlx nor the science |
 //!
 //! An arrow reads *is used by*. `simulation` uses only `vision`'s camera, space, frame and sample types, and `checks`
@@ -65,6 +65,7 @@ pub mod vault;
 
 pub mod access_log;
 pub mod analysis;
+pub mod box_agents;
 pub mod capture;
 pub mod certificates;
 pub mod cohorts;

@@ -24,6 +24,7 @@ use super::{CommandFailure, restrict_new_files_to_owner};
 use crate::access_log::AccessLog;
 use crate::analysis::stored_rows::StoredIndexes;
 use crate::analysis::{AnalysisSettings, QuickAnalysis, WorkerPool};
+use crate::box_agents::BoxAgents;
 use crate::certificates::Certificates;
 use crate::cohorts::Cohorts;
 use crate::domain::password_state::PasswordState;
@@ -62,6 +63,10 @@ use crate::vault::{DataFolderLock, Vault};
 const SHUTDOWN_GRACE: Duration = Duration::from_secs(9);
 /// Requested limit of open files. The system's hard limit may be lower.
 const MAX_OPEN_FILES: u64 = 65_536;
+/// Agents that may stand by at a time. Each holds a connection.
+const MAX_AGENTS: usize = 1024;
+/// Connections of one box's agent: the present one, and some that were cut and have not been noticed yet.
+const MAX_AGENTS_OF_BOX: usize = 4;
 /// Login of the first administrator.
 const ADMINISTRATOR: &str = "administrator";
 
@@ -220,8 +225,7 @@ pub async fn start(
     upkeep::prepare_database(&vault, &settings.database(), &settings.store).await.context("preparing the database")?;
     let store =
         Store::open(&settings.database(), &settings.store, clock.clone()).await.context("opening the database")?;
-    let recovered = upkeep::recover(&store, &vault).await.context("recovering")?;
-    recovered.log();
+    upkeep::recover(&store, &vault).await.context("recovering")?.log();
     let events = EventBus::new();
     let queue = Queue::new(store.clone(), settings.queue.clone(), events.clone(), clock.clone());
     queue.recover().await.context("recovering the queue")?;
@@ -235,7 +239,7 @@ pub async fn start(
     let feeds = feed_service((&store, &vault), (&queue, &events), (&clock, &shutdown), (&settings, &child));
     let quick_analysis =
         QuickAnalysis::new(vault.clone(), child.clone(), settings.analysis.clone(), clock.clone(), shutdown.clone());
-    let parts = AppParts {
+    let app = App::new(AppParts {
         throttle: Throttle::new(settings.http.free_attempts, clock.clone()),
         open_sign_ins: OpenSignIns::default(),
         prepared_events: EventBus::new(),
@@ -258,6 +262,8 @@ pub async fn start(
         intake,
         feeds,
         feed_slots: feed_slots(&settings),
+        box_agents: BoxAgents::new(clock.clone()),
+        agent_slots: ConnectionSlots::new(MAX_AGENTS, MAX_AGENTS_OF_BOX),
         backup_state: BackupState::default(),
         erasure_list_state: ErasureListState::default(),
         backup_settings: settings.backup.clone(),
@@ -268,10 +274,8 @@ pub async fn start(
         queue,
         events,
         clock,
-    };
-    let app = App::new(parts);
-    start_background(&app, &settings, &child);
-    worker_pool(&app, settings.analysis, child).start_workers(settings.workers, &shutdown);
+    });
+    start_background(&app, settings, child);
     let (address, redirect_address) = (listeners.address(), listeners.redirect_address());
     let served = listeners.serve(certificate, app.clone()).context("starting TLS")?;
     Ok(RunningService { address, redirect_address, shutdown, is_first_start: is_first, app, served, _lock: lock })
@@ -358,6 +362,14 @@ fn check_kernel(require_landlock: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Starts upkeep, the watched folder, rescoring and the workers.
+fn start_background(app: &App, settings: Settings, child: Program) {
+    start_upkeep(app, &settings);
+    start_inbox(app, &settings, child.clone());
+    start_rescoring(app, settings.rescoring);
+    worker_pool(app, settings.analysis, child).start_workers(settings.workers, &app.shutdown);
+}
+
 /// Starts the background tasks: rescue of expired leases, upkeep of feeds, the end of streams with their sign-ins,
 /// removal of unneeded files, backups.
 fn start_upkeep(app: &App, settings: &Settings) {
@@ -396,13 +408,6 @@ fn start_upkeep(app: &App, settings: &Settings) {
     app.shutdown.spawn(async move {
         let _ = tokio::task::spawn_blocking(backups).await; // a panic is logged where it happened
     });
-}
-
-/// Starts all background tasks but the workers.
-fn start_background(app: &App, settings: &Settings, child: &Program) {
-    start_upkeep(app, settings);
-    start_rescoring(app, settings.rescoring.clone());
-    start_inbox(app, settings, child.clone());
 }
 
 /// Starts to watch the folder for recordings, if the settings name one.

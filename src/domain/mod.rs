@@ -11,6 +11,7 @@
 //! | [`password_state`] | who chose a password, and who must change it |
 //! | [`centre`] | the centre's logo |
 //! | [`certificate`] | certificates: what they say, their states, keys and signatures |
+//! | [`box_agent`] | the agent that stands by at a box: its state, its messages, PINs |
 //! | [`boxes`] | a box trainer: its camera's viewpoint and its tools |
 //! | [`trainee`] | level and handedness |
 //! | [`consent`] | consent to recordings: texts, decisions, the rule for new recordings |
@@ -55,6 +56,7 @@ pub mod access;
 pub mod advice;
 pub mod attention;
 pub mod blob;
+pub mod box_agent;
 pub mod boxes;
 pub mod calibration;
 pub mod camera_limits;

@@ -81,6 +81,13 @@ fn is_view(path: &str) -> bool {
     !path.rsplit('/').next().unwrap_or_default().contains('.')
 }
 
+/// A file below `static/` and its media type, for the page of a box's own screen.
+pub fn public_file(path: &str) -> Option<(Cow<'static, [u8]>, HeaderValue)> {
+    let file = Pages::get(path)?;
+    let kind = media_type(path, file.metadata.mimetype());
+    Some((file.data, kind))
+}
+
 /// A file of the dashboard with its headers.
 struct StaticFile {
     bytes: Cow<'static, [u8]>,

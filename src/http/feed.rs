@@ -28,7 +28,7 @@ use crate::domain::feed::close_reason::{CloseCode, CloseReason};
 use crate::domain::feed::early_end::{EarlyEnd, EarlyEndCause};
 use crate::domain::feed::messages::{Hello, SenderMessage, ServerMessage};
 use crate::domain::feed::record::MAX_RECORD_BYTES;
-use crate::domain::scope::Scope;
+use crate::domain::scope::{Actor, Scope};
 use crate::domain::text::Key;
 use crate::domain::token_expiry::expires_soon;
 use crate::live::{ConnectResult, Connection};
@@ -141,7 +141,12 @@ async fn run(app: &App, by: &FeedSender, in_box: &Key, socket: &mut WebSocket) -
         ConnectResult::Ended(session) => return send(socket, &ServerMessage::Ended { session, durable: None }).await,
     };
     let mut welcome = feed.welcome().await?;
-    if let ServerMessage::Welcome { token_expires_at, .. } = &mut welcome {
+    if let ServerMessage::Welcome { token_expires_at, session, .. } = &mut welcome {
+        if let Actor::Agent(of) = by.scope.actor()
+            && app.box_agents.note_session(of, *session)
+        {
+            let _ = app.announce_check_in(of).await; // a store error delays only what the box's screen shows
+        }
         let expires_at_ms = SignedIn::token_expiry(app, &by.headers).await;
         *token_expires_at = expires_soon(expires_at_ms, app.clock.now_ms()).map(to_rfc3339);
     }

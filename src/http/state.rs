@@ -18,6 +18,7 @@ use crate::access_log::AccessLog;
 use crate::analysis::QuickAnalysis;
 use crate::analysis::stored_rows::StoredIndexes;
 use crate::certificates::Certificates;
+use crate::box_agents::BoxAgents;
 use crate::cohorts::Cohorts;
 use crate::domain::rights::RightsSettings;
 use crate::events::EventBus;
@@ -76,6 +77,10 @@ pub struct AppParts {
     pub feeds: FeedService,
     /// Slots for the connections of live feeds.
     pub feed_slots: ConnectionSlots,
+    /// The agents that stand by at boxes.
+    pub box_agents: BoxAgents,
+    /// Slots for their connections.
+    pub agent_slots: ConnectionSlots,
     /// Analyses single pictures while the user waits.
     pub quick_analysis: QuickAnalysis,
     /// Slots for event streams and live views.

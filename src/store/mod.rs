@@ -26,7 +26,9 @@
 //! | [`Store::calibrations`] | `add` `in_use` `get` `list` |
 //! | [`Store::palettes`] | `in_use` `get` `list` |
 //! | [`Store::box_versions`] | `of_session` `set_calibration_valid_from` `set_palette_valid_from` |
-//! | [`Store::self_tests`] | `list` `light_since` |
+//! | [`Store::self_tests`] | `list` `light_since` `last_passed` `camera_has_moved` |
+//! | [`Store::box_agents`] | `list` `note_seen` `note_command` |
+//! | [`Store::check_in_pins`] | `own_set_at` `set_at` `set` `remove` `by_code` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |
 //! | [`Store::sessions`] | `create` `list` `get` `shared` `retry` `erase` `result` `result_with_edits` `evidence` `practice` `practice_of_many` `trainee_tasks` `trainees_of_task` `last_task` `refused_since` `unrated_since` |
@@ -61,11 +63,13 @@ mod access_log;
 mod attention;
 mod audit;
 mod blobs;
+mod box_agents;
 mod box_versions;
 mod boxes;
 mod calibrations;
 mod centre;
 mod certificates;
+mod check_in_pins;
 mod codes;
 mod cohorts;
 mod columns;
@@ -133,6 +137,7 @@ pub use access_log::{
 pub use attention::{AlarmKey, AttentionStore, DismissalRecord, RECENT_MS};
 pub use audit::{AuditEntry, AuditStore, Backup};
 pub use blobs::{BlobStore, BlobUse};
+pub use box_agents::{BoxAgentRecord, BoxAgentStore, BoxCommand};
 pub use box_versions::{BoxVersionStore, SessionSetup, UsedVersion};
 pub use boxes::{BoxRecord, BoxStore};
 pub use calibrations::{CalibrationRecord, CalibrationStore};
@@ -141,6 +146,7 @@ pub use certificates::{
     CertificateEvent, CertificateFilter, CertificateKeyRecord, CertificateRecord, CertificateStore, IssuedCertificate,
     PublicCertificate,
 };
+pub use check_in_pins::{CheckInPinRecord, CheckInPinStore};
 pub use cohorts::{CohortRecord, CohortStore, CohortValue};
 pub use comments::{CommentRecord, CommentStore, VisibleComments};
 pub use consents::{ConsentEffect, ConsentRecord, ConsentStore, ConsentTextRecord, TraineeConsent};
@@ -444,6 +450,10 @@ accessors! {
     skill_models: SkillModelStore;
     /// Training boxes.
     boxes: BoxStore;
+    /// The agents that stand by at boxes.
+    box_agents: BoxAgentStore;
+    /// PINs that trainees check in with at boxes.
+    check_in_pins: CheckInPinStore;
     /// Versions of the boxes' cameras.
     calibrations: CalibrationStore;
     /// Which version of camera and colours a recording is tracked with.

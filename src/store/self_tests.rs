@@ -59,6 +59,20 @@ const SELECT_LATEST_LIGHT: &str = "
     SELECT id, light, created_at_ms FROM self_test
     WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) ORDER BY id DESC LIMIT 1";
 
+const SELECT_LAST_PASSED: &str = "
+    SELECT id, light, created_at_ms FROM self_test
+    WHERE box_id = $3 AND ($1 <> 'agent' OR $2 = box_id) AND light IN ('green', 'yellow') ORDER BY id DESC LIMIT 1";
+
+/// Whether a counted result since `$4` says that the camera has moved. A self-test and a calibration answer it.
+const SELECT_CAMERA_MOVED: &str = "
+    SELECT EXISTS (
+        SELECT 1 FROM session JOIN current_result AS result ON result.session_id = session.id
+        WHERE session.box_id = $3 AND ($1 <> 'agent' OR $2 = session.box_id) AND session.created_at_ms >= $4
+          AND session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)
+          AND session.id NOT IN (SELECT session_id FROM set_aside_session)
+          AND EXISTS (SELECT 1 FROM json_each(result.quality, '$.reasons') AS reason
+                      WHERE reason.value ->> '$.cause' IN ('camera_moved', 'camera_moved_during')))";
+
 const INSERT_SELF_TEST: &str = "
     INSERT INTO self_test (id, box_id, calibration_id, palette_id, person_id, pipeline, light, report,
         created_at_ms)
@@ -78,6 +92,18 @@ impl SelfTestStore<'_> {
         let row = sqlx::query_as(SELECT_LATEST_LIGHT);
         let last: Option<SelfTestLight> = row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?;
         Ok(last.filter(|test| test.created_at_ms >= since_ms))
+    }
+
+    /// The latest self-test of a box that was neither red nor without a result.
+    pub async fn last_passed(&self, scope: &Scope, of: BoxId) -> StoreResult<Option<SelfTestLight>> {
+        let row = sqlx::query_as(SELECT_LAST_PASSED);
+        Ok(row.bind_scope(scope).bind(of).fetch_optional(self.0.readers()).await?)
+    }
+
+    /// True if a session of a box that arrived since `since_ms` says that the camera has moved.
+    pub async fn camera_has_moved(&self, scope: &Scope, of: BoxId, since_ms: i64) -> StoreResult<bool> {
+        let row = sqlx::query_scalar(SELECT_CAMERA_MOVED).bind_scope(scope).bind(of).bind(since_ms);
+        Ok(row.fetch_one(self.0.readers()).await?)
     }
 }
 

@@ -1,6 +1,9 @@
 //! Box trainers, their camera calibrations, tool colours and self-tests.
 
+mod agent;
+mod agent_connection;
 mod calibrations;
+mod check_in;
 mod form;
 mod merges;
 mod palette;
@@ -8,10 +11,13 @@ mod previews;
 mod self_tests;
 mod valid_from;
 
+pub use agent::*;
+pub use agent_connection::*;
 use axum::extract::State;
 use axum::http::StatusCode;
 pub use calibrations::*;
 pub use merges::*;
+pub use check_in::*;
 pub use palette::*;
 pub use previews::*;
 pub use self_tests::*;
@@ -24,6 +30,7 @@ use super::error::HandlerResult;
 use super::read::{Json, Params, PathKey, owners_problem};
 use super::show::{Created, PageResponse, Paging, Time};
 use super::state::App;
+use crate::domain::box_agent::self_test_need::SelfTestReason;
 use crate::domain::boxes::{BoxChange, BoxTool, NewBox};
 use crate::domain::files::annotations::View;
 use crate::domain::scope::Scope;
@@ -53,6 +60,10 @@ pub struct BoxResponse {
     /// When the token of the box's agent expires, or expired; `null` if that is not within 30 days. It is the token that
     /// was used last.
     agent_token_expires_at: Option<Time>,
+    /// The agent that stands by at the box.
+    agent: BoxAgentResponse,
+    /// Why the box needs a self-test before the next exam; empty: it needs none.
+    self_test_reasons: Vec<SelfTestReason>,
     /// The groups whose instructors may change it, those that the caller sees: an administrator all, an instructor the
     /// own ones.
     groups: Vec<GroupId>,
@@ -71,7 +82,12 @@ impl App {
         let calibration = calibration.map(|found| CalibrationResponse::new(found, true));
         let palette = self.store.palettes().in_use(scope, found.id).await?;
         let agent_expiry = self.store.tokens().agent_expiry(found.id).await?;
+        let known = self.known_agents(scope).await?;
+        let agent = self.box_agent_response(scope, found.id, known.get(&found.id)).await?;
+        let self_test_reasons = self.self_test_reasons(scope, found.id).await?;
         Ok(BoxResponse {
+            agent,
+            self_test_reasons,
             agent_token_expires_at: expires_soon(agent_expiry, self.clock.now_ms()).map(Time),
             id: found.id,
             code: found.code,

@@ -55,6 +55,7 @@ waiting_recordings.json  recordings that wait for a name, and that the list in t
                    gives to this person
 certificates.json  certificates, with what happened to them
 certificates/      the signed files
+box-pin.json       since when the person has a PIN for boxes
 access.json        who opened this person's recordings, and exported them: the newest 10,000 entries; left out in the
                    export of an instructor
 sessions/…/        one folder for each session:
@@ -132,6 +133,12 @@ impl From<MergedRecord> for MergedRecordEntry {
 struct OpeningEntry {
     session: SessionId,
     opened_at: Time,
+}
+
+/// Whether the trainee has a PIN for boxes. The PIN itself is not stored.
+#[derive(Serialize)]
+struct PinExport {
+    set_at: Option<Time>,
 }
 
 /// Adds the files of a trainee below the folder `below`, which is empty or ends with a slash.
@@ -218,6 +225,8 @@ fn add_consent(
     let consent = job.wait(app.store.consents().of_trainee(scope, trainee.id))?;
     archive.add_json(&format!("{below}consent.json"), &ConsentResponse::from(consent))?;
     let centre = app.retention.videos_months;
+    let pin = PinExport { set_at: job.wait(app.store.check_in_pins().set_at(scope, trainee.id))?.map(Time) };
+    archive.add_json(&format!("{below}box-pin.json"), &pin)?;
     let kept = job.wait(app.store.personal_retention().of_trainee(scope, trainee.id, centre))?;
     archive.add_json(&format!("{below}retention.json"), &RetentionResponse::new(kept, centre))?;
     let waiting = job.wait(app.store.waiting_recordings().of_trainee(scope, trainee.id))?.into_iter().map(|found| {

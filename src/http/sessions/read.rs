@@ -292,7 +292,11 @@ impl App {
     }
 
     /// A session with its latest result, judged by its task's standard and its model of skill.
-    async fn judged_session(&self, scope: &Scope, session: store::SessionRecord) -> HandlerResult<SessionResponse> {
+    pub(in crate::http) async fn judged_session(
+        &self,
+        scope: &Scope,
+        session: store::SessionRecord,
+    ) -> HandlerResult<SessionResponse> {
         let (handedness, of) = (session.trainee_handedness, (session.task_id, session.trainee_id));
         let result = self.store.sessions().result(scope, session.id).await?;
         let standard = self.store.standards().at(scope, session.task_id, session.created_at_ms).await?;

@@ -4,6 +4,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
+use crate::domain::box_agent::messages::LastRecording;
 use crate::domain::feature::{ComparisonSpace, StoredFeatureKey};
 use crate::domain::feed::arrival::Arrival;
 use crate::domain::feed::early_end::EarlyEnd;
@@ -413,6 +414,17 @@ impl SessionResponse {
             self.judgement = (!self.set_aside && !is_refused).then(|| definition.judge_all(by_target));
         }
         self
+    }
+
+    /// What the screen of a box shows of the session.
+    pub fn as_last_recording(&self) -> LastRecording {
+        LastRecording {
+            session: self.id,
+            task: self.task.name.clone(),
+            status: self.status.name().to_owned(),
+            judgement: self.judgement.map(|judgement| judgement.name().to_owned()),
+            quality: self.quality.as_ref().and_then(|quality| quality["verdict"].as_str().map(str::to_owned)),
+        }
     }
 
     /// Adds the verdict of the task's model of skill.

@@ -54,6 +54,7 @@ const SERVICES: &[&str] = &[
     "rescoring",
     "events",
     "access_log",
+    "box_agents",
     "upkeep",
 ];
 const RIM: &[&str] = &["http", "commands", "settings"];
@@ -88,6 +89,7 @@ const MODULES: &[Module] = &[
     Module { name: "rescoring", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "events", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "access_log", layer: 4, beside: SERVICES, banned: SERVICE },
+    Module { name: "box_agents", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "upkeep", layer: 4, beside: SERVICES, banned: SERVICE },
     Module { name: "settings", layer: 5, beside: RIM, banned: &[WEB, DATABASE, VIDEO] },
     Module { name: "http", layer: 5, beside: RIM, banned: &[DATABASE, VIDEO] },

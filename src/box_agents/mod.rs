@@ -1,0 +1,342 @@
+//! The agents that stand by at boxes, as this service knows them: which are connected, the state of each, who is checked
+//! in, and the commands that are under way.
+//!
+//! ```text
+//! page ──start, stop──▶ BoxAgents::command ──▶ AgentConnection ──WebSocket──▶ agent
+//!                            ▲ answer ────────── heard ◀── state, done ──────────┘
+//! ```
+//! All of it is in memory. The store keeps only when each agent was seen last, so that a page can say since when a box is
+//! silent after the service was started again. A check-in ends with the service: the trainee checks in again.
+
+mod check_in_code;
+mod pin_attempts;
+
+pub use check_in_code::{CheckInCode, RENEWAL_INTERVAL};
+pub use pin_attempts::PinAttempts;
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use tokio::sync::{mpsc, oneshot};
+use tokio::time::timeout;
+
+use check_in_code::CheckInCodes;
+
+use crate::domain::box_agent::messages::{NamedTask, NamedTrainee, StartCommand, ToAgent};
+use crate::domain::box_agent::state::AgentState;
+use crate::domain::box_agent::{CHECK_IN_IDLE, SILENT_AFTER};
+use crate::domain::scope::Scope;
+use crate::ids::{BoxId, FeedId, SessionId};
+use crate::time::{SharedClock, millis};
+
+/// Messages that may wait for an agent. One that does not read them is disconnected.
+const MAX_WAITING: usize = 32;
+/// How long an agent may take to answer a command. It opens no file and no camera for it.
+const COMMAND_TIMEOUT: Duration = Duration::from_secs(8);
+
+/// The agents of all boxes. Clones share them.
+#[derive(Clone, Debug)]
+pub struct BoxAgents(Arc<BoxAgentsParts>);
+
+#[derive(Debug)]
+struct BoxAgentsParts {
+    clock: SharedClock,
+    state: Mutex<Registry>,
+    pin_attempts: PinAttempts,
+}
+
+#[derive(Debug, Default)]
+struct Registry {
+    agents: HashMap<BoxId, BoxEntry>,
+    /// Number of the last connection or command.
+    last_number: u64,
+}
+
+/// What is known of one box.
+#[derive(Debug, Default)]
+struct BoxEntry {
+    link: Option<AgentLink>,
+    program: String,
+    state: Option<AgentState>,
+    /// When the last message arrived: by the monotonic clock, and epoch ms.
+    heard: Option<(i64, i64)>,
+    check_in: Option<CheckIn>,
+    codes: CheckInCodes,
+    /// Commands without an answer.
+    waiting: HashMap<u64, oneshot::Sender<Result<(), String>>>,
+}
+
+/// The way to a connected agent.
+#[derive(Debug)]
+struct AgentLink {
+    number: u64,
+    sender: mpsc::Sender<ToAgent>,
+}
+
+/// A trainee who is checked in at a box.
+#[derive(Clone, Debug)]
+pub struct CheckIn {
+    /// The trainee.
+    pub trainee: NamedTrainee,
+    /// The scope of the trainee, or of the person who checked the trainee in: what the box may show.
+    pub scope: Scope,
+    /// The task of the next recording.
+    pub task: Option<NamedTask>,
+    /// The last recording since the check-in.
+    pub last: Option<SessionId>,
+    /// When the trainee checked in, epoch ms.
+    pub since_ms: i64,
+    /// When the trainee last did something, by the monotonic clock, ms.
+    active_ms: i64,
+}
+
+impl CheckIn {
+    /// True if nothing has happened for so long that it has ended.
+    fn is_idle(&self, now_ms: i64) -> bool {
+        now_ms - self.active_ms > millis(CHECK_IN_IDLE)
+    }
+}
+
+/// The state of a box's agent, for readers.
+#[derive(Clone, Debug, Default)]
+pub struct BoxAgentView {
+    /// True if it is connected and was heard of a moment ago.
+    pub is_online: bool,
+    /// When it was last heard of by this service, epoch ms.
+    pub last_seen_ms: Option<i64>,
+    /// Its program and version.
+    pub program: String,
+    /// Its last state; old if it is not online.
+    pub state: Option<AgentState>,
+    /// Who is checked in.
+    pub check_in: Option<CheckIn>,
+}
+
+/// Why a command was not carried out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CommandError {
+    /// The agent is not connected.
+    Silent,
+    /// It did not answer in time: it may carry out the command or not.
+    NoAnswer,
+    /// It refused: why, for people.
+    Refused(String),
+}
+
+/// A command to an agent.
+#[derive(Clone, Debug)]
+pub enum AgentCommand {
+    /// Start a recording of this trainee doing this task.
+    Start(FeedId, NamedTrainee, NamedTask),
+    /// End the recording.
+    Stop,
+}
+
+impl BoxAgents {
+    /// No agent is known.
+    pub fn new(clock: SharedClock) -> Self {
+        let pin_attempts = PinAttempts::new(clock.clone());
+        Self(Arc::new(BoxAgentsParts { clock, state: Mutex::default(), pin_attempts }))
+    }
+
+    /// The counters of wrong PINs.
+    pub fn pin_attempts(&self) -> &PinAttempts {
+        &self.0.pin_attempts
+    }
+
+    /// An agent has connected. An earlier connection of the box ends.
+    pub fn connect(&self, of: BoxId, program: String) -> AgentConnection {
+        let (sender, inbox) = mpsc::channel(MAX_WAITING);
+        let now = self.now();
+        let mut registry = self.lock();
+        registry.last_number += 1;
+        let number = registry.last_number;
+        let entry = registry.agents.entry(of).or_default();
+        entry.waiting.clear(); // commands that went to the earlier connection
+        (entry.link, entry.program, entry.heard) = (Some(AgentLink { number, sender }), program, Some(now));
+        AgentConnection { agents: self.clone(), of, number, inbox }
+    }
+
+    /// The state of one box's agent.
+    pub fn view(&self, of: BoxId) -> BoxAgentView {
+        let now_ms = self.0.clock.monotonic_ms();
+        let registry = self.lock();
+        let Some(entry) = registry.agents.get(&of) else { return BoxAgentView::default() };
+        BoxAgentView {
+            is_online: entry.is_online(now_ms),
+            last_seen_ms: entry.heard.map(|(_, at_ms)| at_ms),
+            program: entry.program.clone(),
+            state: entry.state.clone(),
+            check_in: entry.check_in.clone().filter(|check_in| !check_in.is_idle(now_ms)),
+        }
+    }
+
+    /// Sends a command and waits for the answer.
+    ///
+    /// # Errors
+    /// [`CommandError`].
+    pub async fn command(&self, of: BoxId, command: AgentCommand) -> Result<(), CommandError> {
+        let (answer, answered) = oneshot::channel();
+        {
+            let now_ms = self.0.clock.monotonic_ms();
+            let mut registry = self.lock();
+            registry.last_number += 1;
+            let number = registry.last_number;
+            let entry = registry.agents.get_mut(&of).filter(|entry| entry.is_online(now_ms));
+            let entry = entry.ok_or(CommandError::Silent)?;
+            let message = match command {
+                AgentCommand::Start(recording, trainee, task) => {
+                    ToAgent::Start(StartCommand { command: number, recording, trainee, task })
+                }
+                AgentCommand::Stop => ToAgent::Stop { command: number },
+            };
+            if !entry.send(message) {
+                return Err(CommandError::Silent);
+            }
+            entry.waiting.retain(|_, waiting| !waiting.is_closed());
+            entry.waiting.insert(number, answer);
+        }
+        match timeout(COMMAND_TIMEOUT, answered).await {
+            Ok(Ok(Ok(()))) => Ok(()),
+            Ok(Ok(Err(why))) => Err(CommandError::Refused(why)),
+            Ok(Err(_)) | Err(_) => Err(CommandError::NoAnswer),
+        }
+    }
+
+    /// Sends a message to a box's agent, if it is connected.
+    pub fn send(&self, of: BoxId, message: ToAgent) {
+        if let Some(entry) = self.lock().agents.get_mut(&of) {
+            entry.send(message);
+        }
+    }
+
+    /// Makes a code for checking in at a box.
+    pub fn new_check_in_code(&self, of: BoxId) -> CheckInCode {
+        let now_ms = self.0.clock.monotonic_ms();
+        self.lock().agents.entry(of).or_default().codes.add(now_ms)
+    }
+
+    /// Uses up a code that a box shows. False if it is none, or too old.
+    pub fn use_check_in_code(&self, of: BoxId, code: &str) -> bool {
+        let now_ms = self.0.clock.monotonic_ms();
+        self.lock().agents.get_mut(&of).is_some_and(|entry| entry.codes.use_up(code, now_ms))
+    }
+
+    /// Checks a trainee in at a box. Another one is checked out.
+    pub fn check_in(&self, of: BoxId, trainee: NamedTrainee, scope: Scope, task: Option<NamedTask>) {
+        let (active_ms, since_ms) = self.now();
+        let check_in = CheckIn { trainee, scope, task, last: None, since_ms, active_ms };
+        self.lock().agents.entry(of).or_default().check_in = Some(check_in);
+    }
+
+    /// Ends the check-in at a box. Returns it.
+    pub fn check_out(&self, of: BoxId) -> Option<CheckIn> {
+        self.lock().agents.get_mut(&of)?.check_in.take()
+    }
+
+    /// A recording of a box was accepted as this session. Returns true if a trainee is checked in there, whose it may be.
+    pub fn note_session(&self, of: BoxId, session: SessionId) -> bool {
+        let mut registry = self.lock();
+        let check_in = registry.agents.get_mut(&of).and_then(|entry| entry.check_in.as_mut());
+        check_in.map(|check_in| check_in.last = Some(session)).is_some()
+    }
+
+    /// Sets the task of the next recording of the trainee who is checked in.
+    pub fn choose_task(&self, of: BoxId, task: NamedTask) {
+        let now_ms = self.0.clock.monotonic_ms();
+        if let Some(check_in) = self.lock().agents.get_mut(&of).and_then(|entry| entry.check_in.as_mut()) {
+            (check_in.task, check_in.active_ms) = (Some(task), now_ms);
+        }
+    }
+
+    fn now(&self) -> (i64, i64) {
+        (self.0.clock.monotonic_ms(), self.0.clock.now_ms())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Registry> {
+        self.0.state.lock().unwrap_or_else(PoisonError::into_inner) // every change is one assignment
+    }
+}
+
+impl BoxEntry {
+    fn is_online(&self, now_ms: i64) -> bool {
+        let is_fresh = |(heard_ms, _): (i64, i64)| now_ms - heard_ms <= millis(SILENT_AFTER);
+        self.link.is_some() && self.heard.is_some_and(is_fresh)
+    }
+
+    /// Sends a message. False if there is no connection, or its agent does not read; it is then disconnected.
+    fn send(&mut self, message: ToAgent) -> bool {
+        let is_sent = self.link.as_ref().is_some_and(|link| link.sender.try_send(message).is_ok());
+        if !is_sent {
+            self.link = None;
+        }
+        is_sent
+    }
+
+    /// Ends a check-in without activity. Returns true if it ended.
+    fn end_idle_check_in(&mut self, now_ms: i64) -> bool {
+        self.check_in.take_if(|check_in| check_in.is_idle(now_ms)).is_some()
+    }
+}
+
+/// The connection of one agent. Dropping it disconnects the agent.
+#[derive(Debug)]
+pub struct AgentConnection {
+    agents: BoxAgents,
+    of: BoxId,
+    number: u64,
+    inbox: mpsc::Receiver<ToAgent>,
+}
+
+impl AgentConnection {
+    /// The next message to send; `None`: a later connection has replaced this one, or the agent does not read.
+    pub async fn next(&mut self) -> Option<ToAgent> {
+        self.inbox.recv().await
+    }
+
+    /// The agent reports its state. Returns true if the check-in ended, because nothing happened for too long.
+    pub fn heard(&self, state: AgentState) -> bool {
+        let now = self.agents.now();
+        let mut registry = self.agents.lock();
+        let Some(entry) = registry.agents.get_mut(&self.of).filter(|entry| self.is_of(entry)) else {
+            return false;
+        };
+        if let (Some(check_in), Some(recording)) = (&mut entry.check_in, &state.recording)
+            && check_in.trainee.id == recording.trainee
+        {
+            check_in.active_ms = now.0;
+        }
+        let has_ended = entry.end_idle_check_in(now.0);
+        (entry.state, entry.heard) = (Some(state.limited()), Some(now));
+        has_ended
+    }
+
+    /// The agent answers a command.
+    pub fn answered(&self, command: u64, refused: Option<String>) {
+        let mut registry = self.agents.lock();
+        let Some(entry) = registry.agents.get_mut(&self.of).filter(|entry| self.is_of(entry)) else { return };
+        if let Some(waiting) = entry.waiting.remove(&command) {
+            let _ = waiting.send(refused.map_or(Ok(()), Err)); // the person who asked may be gone
+        }
+    }
+
+    fn is_of(&self, entry: &BoxEntry) -> bool {
+        entry.link.as_ref().is_some_and(|link| link.number == self.number)
+    }
+}
+
+impl Drop for AgentConnection {
+    fn drop(&mut self) {
+        let mut registry = self.agents.lock();
+        if let Some(entry) = registry.agents.get_mut(&self.of)
+            && self.is_of(entry)
+        {
+            entry.link = None;
+            entry.waiting.clear();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,89 @@
+use std::sync::LazyLock;
+
+use super::*;
+use crate::domain::box_agent::state::RecordingState;
+use crate::ids::{PersonId, TaskId, TraineeId};
+use crate::time::ManualClock;
+
+static BOX: LazyLock<BoxId> = LazyLock::new(|| BoxId::at(1));
+
+fn ada() -> (NamedTrainee, Scope) {
+    let id = TraineeId::at(5);
+    (NamedTrainee { id, name: "Ada".to_owned() }, Scope::trainee(PersonId::at(6), id))
+}
+
+#[tokio::test]
+async fn a_command_is_answered_by_the_agent_and_fails_at_once_without_one() {
+    let agents = BoxAgents::new(ManualClock::at(0));
+    assert_eq!(agents.command(*BOX, AgentCommand::Stop).await, Err(CommandError::Silent));
+    let mut connection = agents.connect(*BOX, "agent 1".to_owned());
+    let asking = {
+        let agents = agents.clone();
+        tokio::spawn(async move { agents.command(*BOX, AgentCommand::Stop).await })
+    };
+    let Some(ToAgent::Stop { command }) = connection.next().await else { panic!("no command") };
+    connection.answered(command + 1, None); // another one
+    connection.answered(command, Some("no recording is running".to_owned()));
+    assert_eq!(asking.await.unwrap(), Err(CommandError::Refused("no recording is running".to_owned())));
+}
+
+#[tokio::test]
+async fn a_box_is_silent_after_seven_seconds_and_when_its_connection_ends() {
+    let clock = ManualClock::at(1_000_000);
+    let agents = BoxAgents::new(clock.clone());
+    assert!(!agents.view(*BOX).is_online);
+    let connection = agents.connect(*BOX, String::new());
+    connection.heard(AgentState::default());
+    clock.advance(SILENT_AFTER);
+    assert!(agents.view(*BOX).is_online);
+    clock.advance(Duration::from_millis(1));
+    let view = agents.view(*BOX);
+    assert_eq!((view.is_online, view.last_seen_ms), (false, Some(1_000_000)));
+    connection.heard(AgentState::default());
+    assert!(agents.view(*BOX).is_online);
+    drop(connection);
+    assert!(!agents.view(*BOX).is_online);
+}
+
+#[tokio::test]
+async fn an_old_connection_changes_nothing_after_a_new_one() {
+    let agents = BoxAgents::new(ManualClock::at(0));
+    let mut old = agents.connect(*BOX, String::new());
+    let new = agents.connect(*BOX, String::new());
+    assert_eq!(old.next().await, None, "it is to close");
+    let camera = crate::domain::box_agent::state::BoxCameraState { is_open: true, ..Default::default() };
+    old.heard(AgentState { camera, ..AgentState::default() });
+    drop(old);
+    let view = agents.view(*BOX);
+    assert!(view.is_online && view.state.is_none());
+    drop(new);
+}
+
+#[tokio::test]
+async fn a_check_in_ends_without_a_recording_and_stays_during_one() {
+    let clock = ManualClock::at(0);
+    let agents = BoxAgents::new(clock.clone());
+    let connection = agents.connect(*BOX, String::new());
+    let (trainee, scope) = ada();
+    agents.check_in(*BOX, trainee.clone(), scope, None);
+    let session = SessionId::at(9);
+    let recording = RecordingState {
+        recording: FeedId::at(1),
+        trainee: trainee.id,
+        task: TaskId::at(2),
+        session: Some(session),
+        recorded_s: 1.0,
+        frames: 25,
+    };
+    let recording = AgentState { recording: Some(recording), ..AgentState::default() };
+    assert!(agents.note_session(*BOX, session));
+    for _ in 0..30 {
+        assert!(!connection.heard(recording.clone()));
+        clock.advance(Duration::from_secs(60));
+    }
+    assert_eq!(agents.view(*BOX).check_in.unwrap().last, Some(session));
+    assert!(!connection.heard(AgentState::default()));
+    clock.advance(CHECK_IN_IDLE);
+    assert!(connection.heard(AgentState::default()));
+    assert!(agents.view(*BOX).check_in.is_none());
+}
