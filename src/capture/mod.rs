@@ -17,6 +17,7 @@
 //! | [`send_order`] | what is sent next |
 //! | [`connection`] | one connection to the server |
 //! | [`sender`] | connections until the recording is complete |
+//! | [`standby`] | standing by: camera kept open, commands of the server and of the box's screen |
 //! | [`status`] | the agent's state, for display |
 
 pub mod connection;
@@ -26,14 +27,16 @@ pub mod send_order;
 pub mod sender;
 pub mod source;
 pub mod spool;
+pub mod standby;
 pub mod status;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use tokio::sync::Notify;
+use tokio::sync::{Notify, watch};
 
 use self::spool::Spool;
 use self::status::Status;
+use crate::ids::{FeedId, SessionId};
 
 /// The state that recorder and sender share. Clones are the same agent.
 #[derive(Clone)]
@@ -44,13 +47,16 @@ struct AgentShared {
     status: Mutex<Status>,
     /// Notified when there may be something to send, or the recording may be ended.
     changed: Notify,
+    /// The last recording that the server accepted, and its session.
+    accepted: watch::Sender<Option<(FeedId, SessionId)>>,
 }
 
 impl Agent {
     /// Creates an agent with this spool.
     pub fn new(spool: Spool) -> Self {
         let (spool, status) = (Mutex::new(spool), Mutex::new(Status::default()));
-        Self(Arc::new(AgentShared { spool, status, changed: Notify::new() }))
+        let accepted = watch::Sender::new(None);
+        Self(Arc::new(AgentShared { spool, status, changed: Notify::new(), accepted }))
     }
 
     /// The spool. Hold the lock for one operation, never across an await.
@@ -61,6 +67,11 @@ impl Agent {
     /// The agent's state.
     pub fn status(&self) -> MutexGuard<'_, Status> {
         self.0.status.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The last recording that the server accepted, and its session.
+    pub fn accepted(&self) -> watch::Receiver<Option<(FeedId, SessionId)>> {
+        self.0.accepted.subscribe()
     }
 
     /// Makes everything in the spool durable without delaying new records.

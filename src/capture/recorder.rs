@@ -6,7 +6,7 @@ use tokio::task::{JoinHandle, block_in_place};
 use tokio::time::{Instant, interval, sleep_until};
 
 use super::Agent;
-use super::source::{RecordedSource, SourceEvent};
+use super::source::{FrameSource, SourceEvent};
 use crate::domain::feed::record::{FeedRecord, GapReason, RecordBody};
 use crate::domain::feed::{MAX_DURATION_S, MAX_FRAMES, TimeBase};
 use crate::media::CapturedFrame;
@@ -33,6 +33,8 @@ pub struct RecordingRules {
     pub seconds: Option<f64>,
     /// Time base of the frames.
     pub time_base: TimeBase,
+    /// When the first frame arrived, if it was kept from before the start.
+    pub first_arrived: Option<Instant>,
 }
 
 /// A recording that has ended.
@@ -48,13 +50,13 @@ pub struct EndedRecording {
 /// is away) or `ending` begins.
 pub async fn record(
     agent: &Agent,
-    mut source: RecordedSource,
+    mut source: impl FrameSource,
     rules: RecordingRules,
     ending: &Shutdown,
 ) -> EndedRecording {
     let seconds = rules.seconds.unwrap_or(MAX_DURATION_S).min(MAX_DURATION_S);
     let planned = Duration::try_from_secs_f64(seconds).unwrap_or_default();
-    let mut timeline = Timeline::new(rules.time_base);
+    let mut timeline = Timeline::new(rules.time_base, rules.first_arrived);
     let (mut number, mut source_lost) = (0, None);
     let mut sync = interval(SYNC_INTERVAL);
     let mut syncing = BackgroundSync::default();
@@ -141,8 +143,9 @@ struct Timeline {
 }
 
 impl Timeline {
-    fn new(time_base: TimeBase) -> Self {
-        Self { time_base, began: Instant::now(), has_begun: false, offset: (0, 0.0), latest: 0 }
+    fn new(time_base: TimeBase, first_arrived: Option<Instant>) -> Self {
+        let (began, has_begun) = (first_arrived.unwrap_or_else(Instant::now), first_arrived.is_some());
+        Self { time_base, began, has_begun, offset: (0, 0.0), latest: 0 }
     }
 
     /// The frame at its time in the recording.
@@ -212,7 +215,7 @@ mod tests {
 
     #[test]
     fn times_continue_after_each_interruption_of_the_source() {
-        let mut timeline = Timeline::new([1, 1000].try_into().unwrap());
+        let mut timeline = Timeline::new([1, 1000].try_into().unwrap(), None);
         let mut times: Vec<i64> = [0, 40, 80].map(|time| timeline.place(frame(time)).time).into();
         for first in [0, 5000] {
             timeline.resume(&frame(first));

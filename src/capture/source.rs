@@ -15,6 +15,7 @@
 //!    └── end, or too long away ──┴────────┴──▶ Over
 //! ```
 
+use std::future::Future;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -56,6 +57,24 @@ pub enum SourceEvent {
     Ended,
     /// The source is lost: why.
     Lost(String),
+}
+
+/// Where a recording's frames come from.
+pub trait FrameSource: Send {
+    /// Properties of the source.
+    fn info(&self) -> &SourceInfo;
+    /// The next event. The future may be dropped at any time; nothing is lost.
+    fn next(&mut self) -> impl Future<Output = SourceEvent> + Send;
+}
+
+impl FrameSource for RecordedSource {
+    fn info(&self) -> &SourceInfo {
+        RecordedSource::info(self)
+    }
+
+    async fn next(&mut self) -> SourceEvent {
+        RecordedSource::next(self).await
+    }
 }
 
 /// A source that is opened again when it is interrupted.
@@ -198,8 +217,12 @@ impl Drop for RecordedSource {
     }
 }
 
+fn read(source: CaptureSource, silence: Duration) -> ReaderState {
+    ReaderState::Reading { frames: read_on_thread(source), silent_at: Instant::now() + silence }
+}
+
 /// Reads a source on a separate thread until it ends or the receiver is dropped.
-fn read(mut source: CaptureSource, silence: Duration) -> ReaderState {
+pub(super) fn read_on_thread(mut source: CaptureSource) -> mpsc::Receiver<Result<CapturedFrame, SourceError>> {
     let (sender, frames) = mpsc::channel(MAX_WAITING_FRAMES);
     std::thread::spawn(move || {
         while let Some(read) = source.next_frame().transpose() {
@@ -209,5 +232,5 @@ fn read(mut source: CaptureSource, silence: Duration) -> ReaderState {
             }
         }
     });
-    ReaderState::Reading { frames, silent_at: Instant::now() + silence }
+    frames
 }

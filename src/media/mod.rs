@@ -11,6 +11,7 @@
 //! the previous picture.
 
 mod annexb;
+mod brightness;
 mod clock;
 mod device;
 mod encode;
@@ -32,6 +33,7 @@ mod source;
 pub(crate) mod testing;
 mod unread_recording;
 
+pub use brightness::mean_luma;
 pub use encode::{EncodeError, SampleFormat, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
 pub use feed_decoder::FeedDecoder;
 pub use file::{RecordingInfo, VideoFile, WholeRecording};

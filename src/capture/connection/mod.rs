@@ -35,11 +35,12 @@ const MAX_MESSAGE_BYTES: usize = 1 << 18;
 /// Read buffer, bytes: the server's messages are short, and each read first clears the whole buffer.
 const READ_BYTES: usize = 4096;
 
-type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
+pub(super) type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 
 /// The server that receives the recordings.
 #[derive(Clone, Debug)]
 pub struct Server {
+    /// Address of the box in the API, for WebSockets.
     address: String,
     in_box: String,
     token_file: PathBuf,
@@ -82,7 +83,7 @@ impl Server {
             return Err(format!("`{in_box}` is not the code of a box"));
         }
         let path = uri.path().trim_end_matches('/');
-        let address = format!("{scheme}://{host}{path}/api/v1/boxes/{in_box}/feed");
+        let address = format!("{scheme}://{host}{path}/api/v1/boxes/{in_box}");
         Ok(Self { address, in_box: in_box.to_owned(), token_file: token_file.to_owned() })
     }
 
@@ -108,20 +109,26 @@ impl Server {
                  code, write the new code into `{id}/box` in the spool"
             ));
         }
-        match timeout(CONNECT_TIMEOUT, self.connect()).await {
-            Ok(Ok(socket)) => FeedConnection { agent, id, progress: Mutex::default() }.run(socket).await,
-            Ok(Err(outcome)) => outcome,
-            Err(_) => retry(format!("no answer within {CONNECT_TIMEOUT:?}")),
+        match self.connect_in_time("feed").await {
+            Ok(socket) => FeedConnection { agent, id, progress: Mutex::default() }.run(socket).await,
+            Err(outcome) => outcome,
         }
     }
 
-    async fn connect(&self) -> Result<Socket, DisconnectOutcome> {
+    /// Connects to a WebSocket of the box, within a limited time.
+    pub(super) async fn connect_in_time(&self, what: &str) -> Result<Socket, DisconnectOutcome> {
+        let silent = |_| Err(retry(format!("no answer within {CONNECT_TIMEOUT:?}")));
+        timeout(CONNECT_TIMEOUT, self.connect(what)).await.unwrap_or_else(silent)
+    }
+
+    async fn connect(&self, what: &str) -> Result<Socket, DisconnectOutcome> {
         let shown = self.token_file.display();
         let token = std::fs::read_to_string(&self.token_file)
             .map_err(|error| DisconnectOutcome::Refused(format!("the token cannot be read from {shown}: {error}")))?;
         let token = HeaderValue::from_str(&format!("Bearer {}", token.trim()))
             .map_err(|_| DisconnectOutcome::Refused(format!("{shown} contains no valid token")))?;
-        let mut request = self.address.as_str().into_client_request().map_err(|error| retry(error.to_string()))?;
+        let address = format!("{}/{what}", self.address);
+        let mut request = address.as_str().into_client_request().map_err(|error| retry(error.to_string()))?;
         request.headers_mut().insert(header::AUTHORIZATION, token);
         let words = WebSocketConfig::default()
             .max_message_size(Some(MAX_MESSAGE_BYTES))
@@ -165,8 +172,9 @@ impl FeedConnection<'_> {
             return retry(error.to_string());
         }
         let epoch = match receive(&mut stream).await {
-            Ok(ServerMessage::Welcome { epoch, durable, token_expires_at, .. }) => {
+            Ok(ServerMessage::Welcome { session, epoch, durable, token_expires_at }) => {
                 self.handle_ack(durable);
+                self.agent.0.accepted.send_replace(Some((self.id, session)));
                 if let Some(expires_at) = token_expires_at {
                     tracing::warn!(expires_at, "the token expires soon: make another and put it into the token file");
                 }
@@ -311,7 +319,7 @@ fn retry(why: String) -> DisconnectOutcome {
 }
 
 /// What to do after this close code: the last column of its table in `docs/feed.md`.
-fn outcome_of_close_code(number: u16, why: &str) -> DisconnectOutcome {
+pub(super) fn outcome_of_close_code(number: u16, why: &str) -> DisconnectOutcome {
     let advice = match CloseCode::ALL.into_iter().find(|code| code.number() == number) {
         None
         | Some(

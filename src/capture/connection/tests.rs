@@ -81,7 +81,7 @@ fn every_close_code_is_followed_as_the_document_says() {
 #[test]
 fn addresses_lead_to_the_boxs_feed() {
     let address = |server, in_box| Server::new(server, in_box, Path::new("token")).map(|server| server.address);
-    let feed = "/api/v1/boxes/box-1/feed";
+    let feed = "/api/v1/boxes/box-1";
     assert_eq!(address("http://127.0.0.1:8080", "box-1").unwrap(), format!("ws://127.0.0.1:8080{feed}"));
     assert_eq!(address("https://a.example/trocar/", "box-1").unwrap(), format!("wss://a.example/trocar{feed}"));
     for (server, in_box) in [("a.example", "box-1"), ("ftp://a", "box-1"), ("http://u@a", "b"), ("http://a", "b/../c")]

@@ -1,15 +1,19 @@
 //! `trocar agent`: runs beside a box. Records its camera, sends the recording meanwhile, and sends what earlier runs
-//! left in the spool.
+//! left in the spool. `trocar agent stand-by` keeps the camera open and records at the word of the server.
 //!
 //! SIGINT or SIGTERM ends the recording. The agent then sends the rest until the server has the whole recording, or
 //! until a second signal. Unsent frames stay in the spool. The exit status is 0 only if the server has the whole
 //! recording and its source was not lost.
 
+mod install;
+mod screen;
+mod standby;
+
 use std::io::{IsTerminal, Write, stderr};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
@@ -44,7 +48,38 @@ const SETTLE_TIME: Duration = Duration::from_secs(2);
 
 /// Arguments of `trocar agent`.
 #[derive(clap::Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct AgentArgs {
+    #[command(subcommand)]
+    command: Option<AgentSubcommand>,
+    #[command(flatten)]
+    record: Option<RecordArgs>,
+}
+
+#[derive(clap::Subcommand)]
+enum AgentSubcommand {
+    /// Keep the camera open, report the state of the box, and record at the word of the server or of the box's screen.
+    StandBy(standby::StandbyArgs),
+    /// Install the agent as a service of this computer that stands by.
+    Install(install::InstallArgs),
+    /// Remove that service. The spool and the token stay.
+    Uninstall(install::UninstallArgs),
+}
+
+/// Runs the command.
+pub fn run(args: AgentArgs) -> Result<(), CommandFailure> {
+    match (args.command, args.record) {
+        (Some(AgentSubcommand::StandBy(args)), _) => standby::run(args),
+        (Some(AgentSubcommand::Install(args)), _) => install::run(args),
+        (Some(AgentSubcommand::Uninstall(args)), _) => install::uninstall(args),
+        (None, Some(args)) => record_once(args),
+        (None, None) => Err(CommandFailure::Input(anyhow!("name the server, the box and the token file; see --help"))),
+    }
+}
+
+/// Arguments that record one session, or send what earlier runs left.
+#[derive(clap::Args)]
+struct RecordArgs {
     /// Address of the server, such as `https://trocar.example` or `http://127.0.0.1:8080`
     #[arg(long, value_name = "URL")]
     server: String,
@@ -92,19 +127,11 @@ pub struct AgentArgs {
     source: Option<String>,
 }
 
-/// Runs the command.
-pub fn run(args: AgentArgs) -> Result<(), CommandFailure> {
+/// Records one session, and sends what earlier runs left.
+fn record_once(args: RecordArgs) -> Result<(), CommandFailure> {
     start_log(&args.log)?;
     restrict_new_files_to_owner();
-    let server =
-        Server::new(&args.server, &args.in_box, &args.token_file).map_err(|why| CommandFailure::Input(anyhow!(why)))?;
-    if server.is_unencrypted() {
-        tracing::warn!("the connection is not encrypted; token and recording can be read on the way: use https");
-    }
-    if is_readable_by_others(&args.token_file) {
-        let file = args.token_file.display();
-        tracing::warn!(%file, "all users of this machine can read the token; restrict the file with `chmod 600`");
-    }
+    let server = checked_server(&args.server, &args.in_box, &args.token_file)?;
     if args.seconds.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
         return Err(CommandFailure::Input(anyhow!("--seconds: expected a number above 0")));
     }
@@ -125,6 +152,19 @@ pub fn run(args: AgentArgs) -> Result<(), CommandFailure> {
     done
 }
 
+/// The server and the box, with warnings about what strangers could read.
+fn checked_server(address: &str, in_box: &str, token_file: &Path) -> Result<Server, CommandFailure> {
+    let server = Server::new(address, in_box, token_file).map_err(|why| CommandFailure::Input(anyhow!(why)))?;
+    if server.is_unencrypted() {
+        tracing::warn!("the connection is not encrypted; token and recording can be read on the way: use https");
+    }
+    if is_readable_by_others(token_file) {
+        let file = token_file.display();
+        tracing::warn!(%file, "all users of this machine can read the token; restrict the file with `chmod 600`");
+    }
+    Ok(server)
+}
+
 /// True if every user of the machine may read this file.
 fn is_readable_by_others(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|found| found.permissions().mode() & 0o004 != 0)
@@ -139,7 +179,7 @@ fn seconds(flag: &str, value: f64, min: f64) -> Result<Duration, CommandFailure>
 async fn record_and_send_all(
     agent: Agent,
     server: Server,
-    args: AgentArgs,
+    args: RecordArgs,
     patience: SourcePatience,
 ) -> Result<(), CommandFailure> {
     let shutdown = Shutdown::new();
@@ -166,7 +206,7 @@ async fn record_and_send_all(
 async fn record_and_send(
     agent: &Agent,
     server: &Server,
-    args: &AgentArgs,
+    args: &RecordArgs,
     (address, patience): (&str, SourcePatience),
     shutdown: &Shutdown,
 ) -> Result<(), CommandFailure> {
@@ -177,12 +217,18 @@ async fn record_and_send(
     let id =
         agent.spool().begin(hello(args, &info), server.in_box()).context("beginning the recording in the spool")?;
     let is_paced = info.is_file && !args.as_fast_as_possible;
-    let rules = RecordingRules { is_paced, seconds: args.seconds, time_base: info.time_base };
+    let rules = RecordingRules { is_paced, seconds: args.seconds, time_base: info.time_base, first_arrived: None };
     // Ends with the signal, with the source, or when the server refuses the recording.
     let recording = Shutdown::new();
     let (recorder, ending) = (agent.clone(), recording.clone());
-    let holding = (info.is_camera && !args.automatic)
-        .then(|| tokio::spawn(lock_controls(address.to_owned(), camera_note_path(&args.spool), recording.clone())));
+    let holding = (info.is_camera && !args.automatic).then(|| {
+        tokio::spawn(lock_controls(
+            address.to_owned(),
+            camera_note_path(&args.spool),
+            recording.clone(),
+            LockTiming::default(),
+        ))
+    });
     let recorder = tokio::spawn(async move {
         let ended = record(&recorder, source, rules, &ending).await;
         ending.begin();
@@ -218,7 +264,7 @@ async fn record_and_send(
 }
 
 /// Opens the source, the first time and after each interruption.
-fn opener(address: &str, args: &AgentArgs, shutdown: &Shutdown) -> OpenSource {
+fn opener(address: &str, args: &RecordArgs, shutdown: &Shutdown) -> OpenSource {
     let (address, options, ending) = (address.to_owned(), args.options.clone(), shutdown.clone());
     Arc::new(move |stop| {
         let ending = ending.clone();
@@ -251,7 +297,7 @@ async fn send_left_over(
     if refused.is_empty() { Ok(()) } else { Err(CommandFailure::Failed(anyhow!(refused.join("; ")))) }
 }
 
-fn hello(args: &AgentArgs, info: &SourceInfo) -> Hello {
+fn hello(args: &RecordArgs, info: &SourceInfo) -> Hello {
     let now_ms = SystemClock.now_ms();
     Hello {
         protocol: PROTOCOL,
@@ -284,11 +330,25 @@ fn camera_note_path(spool: &Path) -> PathBuf {
     spool.join("camera.json")
 }
 
-/// Waits [`SETTLE_TIME`] for the camera's exposure and white balance, then locks them until the recording ends.
-async fn lock_controls(camera: String, note: PathBuf, recording: Shutdown) {
+/// When controls are locked, and where that shows.
+struct LockTiming {
+    /// Time for the camera's exposure and white balance to settle.
+    settle: Duration,
+    /// True while they are locked.
+    is_held: Arc<AtomicBool>,
+}
+
+impl Default for LockTiming {
+    fn default() -> Self {
+        Self { settle: SETTLE_TIME, is_held: Arc::default() }
+    }
+}
+
+/// Waits for the camera's exposure and white balance to settle, then locks them until the recording ends.
+async fn lock_controls(camera: String, note: PathBuf, recording: Shutdown, timing: LockTiming) {
     tokio::select! {
         () = recording.begun() => return,
-        () = sleep(SETTLE_TIME) => {}
+        () = sleep(timing.settle) => {}
     }
     let held = camera.clone();
     let held = tokio::task::spawn_blocking(move || {
@@ -299,6 +359,8 @@ async fn lock_controls(camera: String, note: PathBuf, recording: Shutdown) {
     let _lock = match held {
         Ok(Ok((lock, controls))) => {
             controls.iter().for_each(|(name, locked)| log_control(&camera, name, locked));
+            let is_refused = controls.iter().any(|(_, locked)| matches!(locked, LockResult::Refused(_)));
+            timing.is_held.store(!is_refused, Ordering::Release);
             lock
         }
         Ok(Err(error)) => {
@@ -307,6 +369,7 @@ async fn lock_controls(camera: String, note: PathBuf, recording: Shutdown) {
         Err(error) => return tracing::error!(%error, "locking the camera's controls failed"),
     };
     recording.begun().await;
+    timing.is_held.store(false, Ordering::Release);
 }
 
 fn log_control(camera: &str, name: &str, locked: &LockResult) {

@@ -1,0 +1,202 @@
+//! The connection of an agent that stands by: it reports the state of the box every two seconds and after each change, and
+//! carries out the server's commands.
+
+use std::time::Duration;
+
+use futures_util::stream::{SplitSink, SplitStream};
+use futures_util::{SinkExt, StreamExt};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout};
+use tokio_tungstenite::tungstenite::Message;
+
+use super::Standby;
+use crate::capture::connection::{DisconnectOutcome, Socket, outcome_of_close_code};
+use crate::domain::box_agent::messages::{AgentMessage, CheckedIn, StartCommand, ToAgent};
+use crate::domain::box_agent::state::ClockState;
+use crate::domain::box_agent::{PROTOCOL, STATE_INTERVAL};
+
+/// Program and version, for people.
+pub(super) const PROGRAM: &str = concat!("trocar agent ", env!("CARGO_PKG_VERSION"));
+/// Pause before the next attempt to connect: short, because pages shall show within seconds that the box is back.
+const PAUSE: Duration = Duration::from_secs(2);
+/// Pause after a refusal that only a person can end, such as a withdrawn token.
+const REFUSED_PAUSE: Duration = Duration::from_secs(10);
+/// Longest silence of the server, which answers every state.
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(8);
+/// How long the server may take to receive a message.
+const SEND_TIMEOUT: Duration = Duration::from_secs(5);
+
+type Sink = SplitSink<Socket, Message>;
+
+impl Standby {
+    /// Connects again and again.
+    pub(super) async fn stay_connected(self) {
+        let mut last = String::new();
+        loop {
+            let ended = match self.parts().server.connect_in_time("agent-connection").await {
+                Ok(socket) => self.talk(socket).await,
+                Err(ended) => ended,
+            };
+            let (why, pause) = match ended {
+                DisconnectOutcome::Retry { why, .. } => (why, PAUSE),
+                DisconnectOutcome::Refused(why) => (why, REFUSED_PAUSE),
+                DisconnectOutcome::Complete(_) | DisconnectOutcome::Empty => ("the connection was cut".into(), PAUSE),
+            };
+            if why != last {
+                tracing::warn!(why, "no connection to the server; recordings go on into the spool");
+            }
+            last.clone_from(&why);
+            {
+                let mut facts = self.facts();
+                (facts.is_connected, facts.trouble, facts.check_in_address) = (false, why, None);
+            }
+            self.note_change();
+            self.end_idle_check_in();
+            sleep(pause).await;
+        }
+    }
+
+    /// Uses one connection until it ends.
+    async fn talk(&self, socket: Socket) -> DisconnectOutcome {
+        let (mut sink, mut stream) = socket.split();
+        let hello = AgentMessage::Hello { protocol: PROTOCOL, program: PROGRAM.to_owned() };
+        if let Err(ended) = send(&mut sink, &hello).await {
+            return ended;
+        }
+        let mut outbox = self.0.waiting.lock().await;
+        while outbox.try_recv().is_ok() {} // of an earlier connection
+        let mut states = interval(STATE_INTERVAL);
+        states.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut changes = self.0.changes.subscribe();
+        let mut accepted = self.parts().agent.accepted();
+        let mut silent_at = Instant::now() + SILENCE_TIMEOUT;
+        loop {
+            let sent = tokio::select! {
+                received = receive(&mut stream) => {
+                    silent_at = Instant::now() + SILENCE_TIMEOUT;
+                    match received {
+                        Ok(Some(message)) => self.handle(message, &mut sink).await,
+                        Ok(None) => Ok(()),
+                        Err(ended) => return ended,
+                    }
+                }
+                message = outbox.recv() => match message {
+                    Some(message) => send(&mut sink, &message).await,
+                    None => Ok(()), // the sender lives as long as this
+                },
+                _ = states.tick() => {
+                    self.end_idle_check_in();
+                    self.send_state(&mut sink).await
+                }
+                _ = changes.changed() => self.send_state(&mut sink).await,
+                _ = accepted.changed() => {
+                    self.note_change(); // for the screen
+                    Ok(())
+                }
+                () = tokio::time::sleep_until(silent_at) => {
+                    Err(retry(format!("the server was silent for {SILENCE_TIMEOUT:?}")))
+                }
+            };
+            if let Err(ended) = sent {
+                return ended;
+            }
+        }
+    }
+
+    async fn send_state(&self, sink: &mut Sink) -> Result<(), DisconnectOutcome> {
+        let state = Box::new(self.state());
+        send(sink, &AgentMessage::State { sent_at_ms: self.parts().clock.now_ms(), state }).await
+    }
+
+    async fn handle(&self, message: ToAgent, sink: &mut Sink) -> Result<(), DisconnectOutcome> {
+        match message {
+            ToAgent::Welcome { box_name, light_reference, token_expires_at } => {
+                if let Some(expires_at) = token_expires_at {
+                    tracing::warn!(expires_at, "the token expires soon: make another and put it into the token file");
+                }
+                tracing::info!(box_name, "standing by");
+                let mut facts = self.facts();
+                (facts.box_name, facts.light_reference) = (box_name, Some(light_reference));
+                facts.is_connected = true;
+                facts.trouble.clear();
+            }
+            ToAgent::Time { sent_at_ms, server_ms } => {
+                let clock = ClockState::of_exchange(sent_at_ms, server_ms, self.parts().clock.now_ms());
+                self.note_clock(clock);
+                return Ok(()); // the next state has it
+            }
+            ToAgent::LightReference { light_reference } => self.facts().light_reference = Some(light_reference),
+            ToAgent::Start(StartCommand { command, recording, trainee, task }) => {
+                let refused = self.start(recording, trainee, task).err();
+                return self.answer(command, refused, sink).await;
+            }
+            ToAgent::Stop { command } => {
+                let refused = self.stop().err();
+                return self.answer(command, refused, sink).await;
+            }
+            ToAgent::CheckedIn { by } => {
+                let mut facts = self.facts();
+                let trainee = |checked_in: &CheckedIn| checked_in.trainee.id;
+                if by.as_deref().map(trainee) != facts.checked_in.as_ref().map(trainee) {
+                    facts.active = Some(Instant::now());
+                }
+                (facts.checked_in, facts.refusal) = (by.map(|by| *by), None);
+            }
+            ToAgent::CheckInRefused { why, wait_s } => self.facts().refusal = Some((why, wait_s)),
+            ToAgent::CheckInAddress { address } => self.facts().check_in_address = Some(address),
+        }
+        self.note_change();
+        Ok(())
+    }
+
+    /// Sends the state before the answer, so that a page that waits for the answer sees the new state.
+    async fn answer(&self, command: u64, refused: Option<String>, sink: &mut Sink) -> Result<(), DisconnectOutcome> {
+        self.send_state(sink).await?;
+        send(sink, &AgentMessage::Done { command, refused }).await
+    }
+
+    /// Keeps the best of the measured offsets, until the clock is set.
+    fn note_clock(&self, measured: ClockState) {
+        let mut facts = self.facts();
+        let is_same = |known: &ClockState| {
+            let tolerance_ms = known.uncertainty_ms + measured.uncertainty_ms + 50;
+            (known.offset_ms - measured.offset_ms).abs() <= tolerance_ms
+        };
+        let keeps = facts.clock.is_some_and(|known| is_same(&known) && known.uncertainty_ms <= measured.uncertainty_ms);
+        if keeps {
+            return;
+        }
+        let was_wrong = facts.clock.is_some_and(ClockState::is_wrong);
+        if measured.is_wrong() && !was_wrong {
+            let offset_s = measured.offset_ms / 1000;
+            tracing::warn!(offset_s, "the clock of this computer is wrong: set it; recordings get corrected times");
+        }
+        facts.clock = Some(measured);
+    }
+}
+
+/// The server's next message; `None` for one that is not for an agent of this version.
+async fn receive(stream: &mut SplitStream<Socket>) -> Result<Option<ToAgent>, DisconnectOutcome> {
+    match stream.next().await {
+        None => Err(retry("the connection was cut".into())),
+        Some(Err(error)) => Err(retry(error.to_string())),
+        Some(Ok(Message::Text(text))) => Ok(serde_json::from_str(&text).ok()),
+        Some(Ok(Message::Close(frame))) => {
+            let (code, why) = frame.map_or((1005, String::new()), |f| (f.code.into(), f.reason.to_string()));
+            Err(outcome_of_close_code(code, &why))
+        }
+        Some(Ok(_)) => Ok(None),
+    }
+}
+
+async fn send(sink: &mut Sink, message: &AgentMessage) -> Result<(), DisconnectOutcome> {
+    let text = serde_json::to_string(message).unwrap_or_default(); // plain data always serialises
+    match timeout(SEND_TIMEOUT, sink.send(Message::text(text))).await {
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(error)) => Err(retry(error.to_string())),
+        Err(_) => Err(retry("the server does not read".into())),
+    }
+}
+
+fn retry(why: String) -> DisconnectOutcome {
+    DisconnectOutcome::Retry { why, was_welcome: false }
+}

@@ -1,0 +1,288 @@
+//! Standing by at a box: the camera stays open, a connection to the server carries the state of the box and its commands,
+//! and recordings begin and end at the word of the server or of the box's own screen (`docs/agent.md`).
+//!
+//! ```text
+//! camera ──frames──▶ CameraKeeper ──while a recording runs──▶ recorder ──▶ spool ──▶ send_spool ──▶ server
+//!                        └─ state, brightness ─▶ link ◀── commands, check-ins ──▶ server
+//!                                                  ▲
+//!                                 screen (commands::agent::screen)
+//! ```
+//!
+//! | file | holds |
+//! |---|---|
+//! | [`camera`] | the camera, kept open over its interruptions |
+//! | [`light`] | the brightness of the picture, compared with the time after the calibration |
+//! | [`link`] | the connection to the server |
+//! | [`recording`] | start and end of a recording, and sending what the spool holds |
+//!
+//! Nothing but the spool is on the disk: after a restart the agent sends what was left and stands by again.
+
+pub mod camera;
+pub mod light;
+pub mod link;
+pub mod recording;
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use tokio::sync::{Notify, mpsc, watch};
+use tokio::time::Instant;
+
+use camera::CameraKeeper;
+use recording::RunningRecording;
+
+use super::Agent;
+use super::connection::Server;
+use crate::domain::box_agent::messages::{AgentMessage, CheckInRefusal, CheckedIn, NamedTask};
+use crate::domain::box_agent::state::{AgentState, ClockState, RecordingState, SpoolState};
+use crate::shutdown::Shutdown;
+use crate::time::SharedClock;
+
+/// Messages that may wait for the connection to the server.
+const MAX_WAITING: usize = 16;
+
+/// Holds the camera's automatic controls during a recording; the flag is true while they are held.
+pub type HoldControls = Arc<dyn Fn(Shutdown, Duration, Arc<AtomicBool>) + Send + Sync>;
+
+/// What an agent that stands by needs.
+pub struct StandbyParts {
+    /// Spool and status.
+    pub agent: Agent,
+    /// The server and the box.
+    pub server: Server,
+    /// The camera.
+    pub camera: CameraKeeper,
+    /// Folder of the spool.
+    pub spool: PathBuf,
+    /// The computer's clock.
+    pub clock: SharedClock,
+    /// Holds the camera's automatic controls; `None`: nothing to hold.
+    pub hold_controls: Option<HoldControls>,
+    /// Ends all.
+    pub shutdown: Shutdown,
+}
+
+/// An agent that stands by. Clones are the same agent.
+#[derive(Clone)]
+pub struct Standby(Arc<StandbyShared>);
+
+struct StandbyShared {
+    parts: StandbyParts,
+    /// Messages for the server.
+    outbox: mpsc::Sender<AgentMessage>,
+    /// Who waits for them; taken by the connection.
+    waiting: tokio::sync::Mutex<mpsc::Receiver<AgentMessage>>,
+    facts: Mutex<Facts>,
+    running: Mutex<Option<RunningRecording>>,
+    is_held: Arc<AtomicBool>,
+    /// Changes with everything that the server or the screen shall know at once.
+    changes: watch::Sender<u64>,
+    /// Notified when the spool may hold something to send.
+    spool_changed: Notify,
+}
+
+/// What the server has said, and what it is compared with.
+#[derive(Debug, Default)]
+struct Facts {
+    is_connected: bool,
+    /// Why there is no connection.
+    trouble: String,
+    box_name: String,
+    light_reference: Option<String>,
+    clock: Option<ClockState>,
+    check_in_address: Option<String>,
+    checked_in: Option<CheckedIn>,
+    /// When something last happened that keeps the check-in.
+    active: Option<Instant>,
+    refusal: Option<(CheckInRefusal, u64)>,
+    refused_recording: Option<String>,
+}
+
+/// What the box's screen shows.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct ScreenState {
+    /// Changes with the other fields.
+    pub version: u64,
+    /// Name of the box; empty until the server has said it.
+    pub box_name: String,
+    /// True while the server is connected.
+    pub is_connected: bool,
+    /// Why it is not.
+    pub trouble: String,
+    /// The state as the server hears it.
+    pub state: AgentState,
+    /// True if the clock of this computer has to be set.
+    pub is_clock_wrong: bool,
+    /// The trainee who is checked in.
+    pub checked_in: Option<CheckedIn>,
+    /// Whose recording runs.
+    pub recorded: Option<String>,
+    /// The task of the recording that runs.
+    pub recorded_task: Option<String>,
+    /// Address for a check-in with a phone.
+    pub check_in_address: Option<String>,
+    /// Why the last check-in with a PIN was refused, and how long to wait, s.
+    pub refusal: Option<(CheckInRefusal, u64)>,
+}
+
+impl Standby {
+    /// An agent that stands by once [`Standby::run`] is called.
+    pub fn new(parts: StandbyParts) -> Self {
+        let (outbox, waiting) = mpsc::channel(MAX_WAITING);
+        Self(Arc::new(StandbyShared {
+            parts,
+            outbox,
+            waiting: tokio::sync::Mutex::new(waiting),
+            facts: Mutex::default(),
+            running: Mutex::default(),
+            is_held: Arc::default(),
+            changes: watch::Sender::new(0),
+            spool_changed: Notify::new(),
+        }))
+    }
+
+    /// Stands by until the shutdown. A recording that runs then ends; what is not sent stays in the spool.
+    pub async fn run(&self) {
+        let camera = tokio::spawn(self.parts().camera.clone().keep_open(self.clone()));
+        let light = tokio::spawn(light::watch(self.clone()));
+        let sending = tokio::spawn(self.clone().send_spool());
+        tokio::select! {
+            () = self.clone().stay_connected() => {}
+            () = self.parts().shutdown.begun() => {}
+        }
+        self.end_recording().await;
+        for task in [camera, light, sending] {
+            task.abort();
+        }
+    }
+
+    /// The state of the box.
+    pub fn state(&self) -> AgentState {
+        let running = self.running().as_ref().map(|running| {
+            let session = self.parts().agent.accepted().borrow().filter(|(id, _)| *id == running.id);
+            RecordingState {
+                recording: running.id,
+                trainee: running.trainee.id,
+                task: running.task.id,
+                session: session.map(|(_, session)| session),
+                recorded_s: running.began.elapsed().as_secs_f64(),
+                frames: self.parts().agent.status().captured,
+            }
+        });
+        let mut camera = self.parts().camera.state();
+        camera.is_exposure_held = self.parts().hold_controls.as_ref().map(|_| self.0.is_held.load(Ordering::Acquire));
+        AgentState {
+            camera,
+            light: self.parts().camera.light(),
+            spool: self.spool_state(),
+            clock: self.facts().clock,
+            recording: running,
+        }
+    }
+
+    fn spool_state(&self) -> SpoolState {
+        let refused = self.facts().refused_recording.clone();
+        let spool = self.parts().agent.spool();
+        let waiting = spool.ids().into_iter().filter_map(|id| spool.get(id)).map(|recording| recording.waiting());
+        let (recordings, frames, bytes) =
+            waiting.fold((0, 0, 0), |(count, frames, bytes), one| (count + 1, frames + one.0, bytes + one.1));
+        drop(spool);
+        let disk = rustix::fs::statvfs(&self.parts().spool).ok();
+        let disk_free_bytes = disk.map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize));
+        SpoolState { recordings, frames, bytes, disk_free_bytes, refused }
+    }
+
+    /// The same for the screen.
+    pub fn screen_state(&self) -> ScreenState {
+        let version = *self.0.changes.borrow();
+        let state = self.state();
+        let running = self.running().as_ref().map(|running| (running.trainee.name.clone(), running.task.name.clone()));
+        let (recorded, recorded_task) = running.unzip();
+        let facts = self.facts();
+        ScreenState {
+            version,
+            box_name: facts.box_name.clone(),
+            is_connected: facts.is_connected,
+            trouble: facts.trouble.clone(),
+            is_clock_wrong: facts.clock.is_some_and(ClockState::is_wrong),
+            state,
+            checked_in: facts.checked_in.clone(),
+            recorded,
+            recorded_task,
+            check_in_address: facts.check_in_address.clone(),
+            refusal: facts.refusal,
+        }
+    }
+
+    /// Waits until something has changed since this version of [`ScreenState`].
+    pub async fn changed_since(&self, version: u64) {
+        let _ = self.0.changes.subscribe().wait_for(|now| *now != version).await; // the sender lives as long as this
+    }
+
+    /// A trainee typed code and PIN at the box. False if the server cannot be asked now.
+    pub fn check_in(&self, trainee: String, pin: String) -> bool {
+        self.facts().refusal = None;
+        self.facts().is_connected && self.0.outbox.try_send(AgentMessage::CheckIn { trainee, pin }).is_ok()
+    }
+
+    /// The trainee leaves the box.
+    pub fn check_out(&self) {
+        self.facts().checked_in = None;
+        let _ = self.0.outbox.try_send(AgentMessage::CheckOut); // without a connection the server ends it by itself
+        self.note_change();
+    }
+
+    /// A task was chosen at the box. False if it is none of those that the box offers.
+    pub fn choose_task(&self, id: &str) -> bool {
+        let chosen = {
+            let mut facts = self.facts();
+            facts.active = Some(Instant::now());
+            let Some(checked_in) = &mut facts.checked_in else { return false };
+            let task: Option<NamedTask> = checked_in.tasks.iter().find(|task| task.id.to_string() == id).cloned();
+            checked_in.task = task.clone().or(checked_in.task.take());
+            task
+        };
+        let Some(task) = chosen else { return false };
+        let _ = self.0.outbox.try_send(AgentMessage::Task { task: task.id }); // kept here without a connection
+        self.note_change();
+        true
+    }
+
+    /// The time, epoch ms, corrected by what the server says.
+    fn corrected_now_ms(&self) -> i64 {
+        self.parts().clock.now_ms() + self.facts().clock.map_or(0, |clock| clock.offset_ms)
+    }
+
+    /// Ends a check-in without activity; without a connection the server cannot say so.
+    fn end_idle_check_in(&self) {
+        let is_recording = self.running().is_some();
+        let mut facts = self.facts();
+        if is_recording {
+            facts.active = Some(Instant::now());
+        }
+        let idle = facts.active.map(|active| active.elapsed());
+        let is_idle = |checked_in: &CheckedIn| idle.is_some_and(|idle| idle > Duration::from_secs(checked_in.idle_s));
+        if facts.checked_in.take_if(|checked_in| is_idle(checked_in)).is_some() {
+            drop(facts);
+            self.note_change();
+        }
+    }
+
+    fn note_change(&self) {
+        self.0.changes.send_modify(|version| *version += 1);
+    }
+
+    fn parts(&self) -> &StandbyParts {
+        &self.0.parts
+    }
+
+    fn facts(&self) -> MutexGuard<'_, Facts> {
+        self.0.facts.lock().unwrap_or_else(PoisonError::into_inner) // every change is one assignment
+    }
+
+    fn running(&self) -> MutexGuard<'_, Option<RunningRecording>> {
+        self.0.running.lock().unwrap_or_else(PoisonError::into_inner) // as above
+    }
+}
