@@ -182,6 +182,11 @@ export const api = {
   own: {
     /** @param {AbortSignal} [signal] */
     signIns: signal => request('GET', ['me', 'sign-ins'], { signal }),
+    /** The PIN for boxes. @param {AbortSignal} [signal] */
+    pin: signal => request('GET', ['me', 'pin'], { signal }),
+    /** @param {string} pin */
+    setPin: pin => request('PUT', ['me', 'pin'], { json: { pin } }),
+    removePin: () => request('DELETE', ['me', 'pin']),
     /** @param {string} id */
     endSignIn: id => request('DELETE', ['me', 'sign-ins', id]),
     /** @param {AbortSignal} [signal] */
@@ -448,6 +453,18 @@ export const api = {
     merge: (id, json) => request('POST', ['boxes', id, 'merges'], { json }),
     /** @param {string} id @param {string} merge @param {ApiBody<'POST', ['boxes', string, 'merges', string, 'separate']>} json */
     separate: (id, merge, json) => request('POST', ['boxes', id, 'merges', merge, 'separate'], { json }),
+    /** The agents of all boxes that ever had one. @param {AbortSignal} [signal] */
+    agents: signal => request('GET', ['agents'], { signal }),
+    /** @param {string} id @param {AbortSignal} [signal] */
+    agent: (id, signal) => request('GET', ['boxes', id, 'agent'], { signal }),
+    /** @param {string} id @param {ApiBody<'POST', ['boxes', string, 'agent', 'start']>} json */
+    start: (id, json) => request('POST', ['boxes', id, 'agent', 'start'], { json }),
+    /** @param {string} id */
+    stop: id => request('POST', ['boxes', id, 'agent', 'stop']),
+    /** @param {string} id @param {ApiBody<'PUT', ['boxes', string, 'check-in']>} json */
+    checkIn: (id, json) => request('PUT', ['boxes', id, 'check-in'], { json }),
+    /** @param {string} id */
+    checkOut: id => request('DELETE', ['boxes', id, 'check-in']),
     /** @param {string} id */
     camera: id => request('GET', ['boxes', id, 'camera']),
     /**

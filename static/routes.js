@@ -25,6 +25,7 @@ const PAGES = [
   { pattern: '/enrol', nav: 'groups', needs: 'edit_trainees', load: () => import('./pages/enrol.js') },
   { pattern: '/courses', nav: 'groups', needs: 'edit_courses', load: () => import('./pages/courses.js') },
   { pattern: '/courses/:id', nav: 'groups', needs: 'edit_courses', load: () => import('./pages/course.js') },
+  { pattern: '/check-in', nav: 'record', load: () => import('./pages/check_in.js') },
   { pattern: '/boxes', nav: 'boxes', needs: 'see_boxes', load: () => import('./pages/boxes.js') },
   { pattern: '/boxes/:id', nav: 'boxes', needs: 'see_boxes', load: () => import('./pages/box.js') },
   { pattern: '/boxes/:id/setup', nav: 'boxes', needs: 'edit_boxes', load: () => import('./pages/setup.js') },

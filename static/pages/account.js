@@ -8,6 +8,7 @@ import { LanguageChoice } from '../parts/page/language.js';
 import { Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { NEW_PASSWORD_FIELDS, newPassword } from '../parts/people/new_password.js';
 import { AccessEntries } from '../parts/people/access_entries.js';
+import { BoxPin } from '../parts/people/box_pin.js';
 import { ConsentCard } from '../parts/people/consent.js';
 import { OwnData } from '../parts/people/own_data.js';
 import { SharedDevice } from '../parts/people/shared_device.js';
@@ -69,6 +70,7 @@ export default function Account({ person, onSignOut }) {
       <${SharedDevice} />
       ${data && html`<${OwnIdentities} person=${person} items=${data.identities} onChange=${reload} />`}
       ${person.trainee && html`<${ConsentCard} trainee=${traineeId(person)} isOwn />
+        <${BoxPin} trainee=${person.trainee} />
         <${RetentionCard} trainee=${traineeId(person)} />
         <${OwnData} trainee=${person.trainee} />`}
       <${ProblemNotice} problem=${problem} onRetry=${reload} />

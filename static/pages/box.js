@@ -6,6 +6,7 @@ import { number } from '../format.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
+import { AgentCard, SelfTestNeed } from '../parts/boxes/box_agent.js';
 import { BoxVersions, inUseFirst } from '../parts/boxes/box_versions.js';
 import { CameraForms, CameraSummary } from '../parts/boxes/box_camera.js';
 import { PaletteAdvice } from '../parts/boxes/box_advice.js';
@@ -61,6 +62,9 @@ export default function BoxPage({ person, route }) {
       <a class="button" href=${href(['sessions'], { box: box.id })}>${t.sessions.title}</a>
       ${mayEdit && html`<${RowButtons} item=${box} onEdit=${edit.change} />`}
     <//>
+    <div class="stack">
+    <${SelfTestNeed} reasons=${box.self_test_reasons} />
+    <${AgentCard} box=${box} person=${person} />
     <div class="steps">
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       <${MergedNotice} record=${box} opened=${id} />
@@ -94,6 +98,7 @@ export default function BoxPage({ person, route }) {
         </div>
       </section>
       ${may(person, 'people') && html`<${RecordMerges} kind="box" record=${box} onChange=${reload} />`}
+    </div>
     </div>
     ${edit.dialogs}`;
 }

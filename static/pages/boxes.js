@@ -6,6 +6,7 @@ import { date, number } from '../format.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
+import { AgentPill, useAgents } from '../parts/boxes/box_agent.js';
 import { TodaysLight } from '../parts/boxes/box_self_test.js';
 import { AddButton, RowButtons, saveChanges, useEditing } from '../parts/forms/editing.js';
 import { ownerGroups, ownersField } from '../parts/forms/owners.js';
@@ -34,6 +35,7 @@ export default function Boxes({ person }) {
     const [boxes, groups] = await Promise.all([api.boxes.all(), ownerGroups(person)]);
     return { boxes, groups };
   }, []);
+  const agents = useAgents();
   const boxes = data?.boxes;
   const mayEdit = may(person, 'edit_boxes');
   const edit = useEditing({
@@ -55,7 +57,7 @@ export default function Boxes({ person }) {
       ${boxes && boxes.length > 0 && html`
         <div class="scroll">
           <table class="table">
-            <thead><tr><th scope="col">${words.name}</th><th scope="col">${words.camera}</th><th scope="col">
+            <thead><tr><th scope="col">${words.name}</th><th scope="col">${t.boxAgent.now}</th><th scope="col">${words.camera}</th><th scope="col">
               ${words.palette}</th><th scope="col">${t.selfTest.today}</th>
               <th scope="col" class="third">${words.tools}</th><th scope="col" class="third">${words.view}</th>
               <td></td></tr></thead>
@@ -64,9 +66,10 @@ export default function Boxes({ person }) {
                 <tr key=${box.id}>
                   <th scope="row"><a class="cover" href=${href(['boxes', box.id])}>${box.name}</a>${box.agent_token_expires_at && html`
                     <span class=${`pill ${hasExpired(box) ? 'bad' : 'warn'}`}>${tokenWarning(box)}</span>`}</th>
+                  <td>${agents && html`<${AgentPill} agent=${agents.get(box.id)} />`}</td>
                   <td><${CameraState} calibration=${box.calibration} /></td>
                   <td><${PaletteState} palette=${box.palette} /></td>
-                  <td><${TodaysLight} test=${box.self_test} /></td>
+                  <td>${box.self_test_reasons.length ? html`<span class="pill warn">${t.boxAgent.selfTestShort}</span>` : html`<${TodaysLight} test=${box.self_test} />`}</td>
                   <td class="third">${box.tools.map(toolName).join(', ') || '–'}</td>
                   <td class="third">${(box.view && words.views[box.view]) ?? words.auto}</td>
                   <td>${box.may_change && html`<div class="row">${!(box.calibration && box.palette) && html`<a class="button main nowrap"

@@ -1,0 +1,168 @@
+// The page on the box's own screen: who trains, what runs, the last result, start and stop. The agent on this computer
+// serves it, and it speaks to nothing else.
+import { html, render, useEffect, useRef, useState } from '../preact.js';
+import { clock, number } from '../format.js';
+import { t } from '../texts.js';
+import { QrCode } from '../setup/qr.js';
+
+const words = t.boxScreen;
+/** Pause before the agent is asked again after a failure, ms. */
+const RETRY_MS = 1_000;
+/** A second press within this time hits a button that has just changed its meaning, and is ignored: a pedal bounces. */
+const DOUBLE_PRESS_MS = 1_000;
+
+/** The agent's state, as soon as it changes; undefined until it is known, null while the agent does not answer. */
+function useAgentState() {
+  const [state, setState] = useState(undefined);
+  useEffect(() => {
+    const ending = new AbortController();
+    (async () => {
+      let version;
+      while (!ending.signal.aborted) {
+        try {
+          const after = version === undefined ? '' : `?after=${version}`;
+          const answer = await fetch(`/state${after}`, { signal: ending.signal });
+          const next = await answer.json();
+          version = next.version;
+          setState({ ...next, readAt: performance.now() });
+        } catch {
+          if (ending.signal.aborted) return;
+          version = undefined;
+          setState(null);
+          await new Promise(done => setTimeout(done, RETRY_MS));
+        }
+      }
+    })();
+    return () => ending.abort();
+  }, []);
+  return state;
+}
+
+/** Asks the agent for a change. Returns why it refused, or null. */
+async function ask(path, body = {}) {
+  try {
+    const answer = await fetch(path, { method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(body) });
+    if (answer.ok) return null;
+    return (await answer.json().catch(() => ({}))).why ?? words.refused;
+  } catch {
+    return words.noAgent;
+  }
+}
+
+function Screen() {
+  const state = useAgentState();
+  const [why, setWhy] = useState(null);
+  const pressedAt = useRef(-Infinity);
+  const running = state?.state.recording ?? null;
+  const mayStart = Boolean(state?.checked_in?.task && state.state.camera.is_open);
+  const press = async () => {
+    if (!state || performance.now() - pressedAt.current < DOUBLE_PRESS_MS) return;
+    pressedAt.current = performance.now();
+    setWhy(await ask(running ? '/stop' : '/start'));
+  };
+  const latest = useRef(press);
+  latest.current = press;
+  const key = state?.key;
+  useEffect(() => {
+    const onKey = event => {
+      const isTyping = /** @type {Element} */ (event.target).closest?.('input');
+      if (event.code !== key || event.repeat || isTyping) return;
+      event.preventDefault(); // the key would press the focused button as well
+      latest.current();
+    };
+    addEventListener('keydown', onKey);
+    return () => removeEventListener('keydown', onKey);
+  }, [key]);
+  if (state === undefined) return html`<main class="screen"><p>${t.loading}</p></main>`;
+  if (state === null) return html`<main class="screen"><p class="notice bad" role="alert"><strong>${words.noAgent}</strong></p></main>`;
+  return html`
+    <main class="screen">
+      <div class="row apart"><h1>${state.box_name || t.product}</h1>
+        <span class=${`pill ${state.is_connected ? 'good' : 'warn'}`}>${state.is_connected ? words.connected : words.away}</span></div>
+      <${Warnings} state=${state} />
+      ${running && html`
+        <section class="stack tight" aria-live="polite">
+          <p class="who">${state.recorded}</p><p>${state.recorded_task}</p>
+          <${Elapsed} from=${running.recorded_s} readAt=${state.readAt} />
+          <p>${words.frames(number(running.frames))}</p>
+        </section>`}
+      ${!running && state.checked_in && html`<${CheckedIn} state=${state} />`}
+      ${!running && !state.checked_in && html`<${CheckInWays} state=${state} />`}
+      ${why && html`<p class="notice warn" role="alert"><strong>${why}</strong></p>`}
+      ${(running || state.checked_in) && html`<button class=${`press ${running ? 'stop' : ''}`} type="button"
+        disabled=${!running && !mayStart} onClick=${press}>${running ? words.stop : words.start}</button>
+        <p class="muted">${words.keyHint(keyName(key))}</p>`}
+    </main>`;
+}
+
+const keyName = key => words.keys[key] ?? key.replace(/^Key|^Digit/, '');
+
+/** @param {Props} props */
+function Elapsed({ from, readAt }) {
+  const [now, setNow] = useState(performance.now());
+  useEffect(() => {
+    const timer = setInterval(() => setNow(performance.now()), 200);
+    return () => clearInterval(timer);
+  }, []);
+  return html`<p class="elapsed" role="timer">${clock(from + Math.max(0, now - readAt) / 1000, 0)}</p>`;
+}
+
+/** @param {Props} props */
+const Warnings = ({ state }) => html`
+  ${!state.is_connected && html`<p class="notice warn"><strong>${words.awayBody}</strong></p>`}
+  ${!state.state.camera.is_open && html`<p class="notice bad" role="alert"><strong>${words.cameraMissing}</strong></p>`}
+  ${state.is_clock_wrong && html`<p class="notice warn"><strong>${words.clockWrong}</strong></p>`}`;
+
+/** @param {Props} props */
+function CheckedIn({ state: { checked_in: { trainee, task, tasks, last } } }) {
+  return html`
+    <section class="stack">
+      <div class="row apart"><p class="who">${trainee.name}</p>
+        <button class="button" type="button" onClick=${() => ask('/check-out')}>${words.leave}</button></div>
+      ${last && html`<p class="notice busy" role="status"><strong>${words.last(last.task)} ${resultText(last)}</strong></p>`}
+      <div role="group" aria-label=${words.task} class="choices">
+        ${tasks.map(one => html`<button key=${one.id} class="button" type="button" aria-pressed=${task?.id === one.id ? 'true' : 'false'}
+          onClick=${() => ask('/task', { task: one.id })}>${one.name}</button>`)}
+      </div>
+      ${!task && html`<p>${words.chooseTask}</p>`}
+    </section>`;
+}
+
+/** The result in words. A recording of poor quality has no numbers, and none are shown here. */
+function resultText(last) {
+  if (last.status === 'failed') return words.results.failed;
+  if (last.status !== 'done') return words.results.waits;
+  if (last.quality === 'refused') return words.results.refused;
+  return words.results[last.judgement] ?? words.results.done;
+}
+
+/** @param {Props} props */
+function CheckInWays({ state }) {
+  const [typed, setTyped] = useState(null);
+  const send = event => {
+    event.preventDefault();
+    const form = event.target;
+    ask('/check-in', { trainee: form.elements.trainee.value, pin: form.elements.pin.value }).then(setTyped);
+    form.elements.pin.value = '';
+  };
+  const refusal = typed ?? (state.refusal ? words.refusals[state.refusal[0]](Math.ceil(state.refusal[1] / 60)) : null);
+  return html`
+    <section class="stack">
+      <p class="who">${words.whoTrains}</p>
+      <div class="ways">
+        ${state.check_in_address && html`<div class="stack tight"><h2>${words.byPhone}</h2>
+          <${QrCode} text=${state.check_in_address} name=${words.byPhone} /><p>${words.byPhoneBody}</p></div>`}
+        <form class="stack tight" onSubmit=${send}>
+          <h2>${words.byPin}</h2>
+          <div class="field"><label for="trainee">${words.code}</label><input id="trainee" name="trainee" required maxlength="64" autocomplete="off" autocapitalize="none" /></div>
+          <div class="field"><label for="pin">${words.pin}</label><input id="pin" name="pin" type="password" required maxlength="8" inputmode="numeric" autocomplete="off" /></div>
+          ${refusal && html`<p class="notice warn" role="alert"><strong>${refusal}</strong></p>`}
+          <p><button class="button main">${words.checkIn}</button></p>
+          <p class="muted">${words.pinHint}</p>
+        </form>
+      </div>
+    </section>`;
+}
+
+document.title = t.product;
+render(html`<${Screen} />`, document.body);
