@@ -7,6 +7,7 @@ mod api;
 mod architecture;
 mod backups;
 mod bare_tools;
+mod box_agent;
 mod child;
 mod commands;
 mod dependencies;

@@ -5,6 +5,7 @@ mod attention;
 mod audit;
 mod bare_tools;
 mod base_path;
+mod box_agents;
 mod box_question;
 mod box_versions;
 pub mod centre;

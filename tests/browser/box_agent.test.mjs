@@ -1,0 +1,145 @@
+// A box that stands by, in a real Chromium: the pages show it live, the dashboard starts and stops a recording, a trainee
+// checks in on the box's screen with a PIN and from the phone with the code, a key starts and stops, and the pages show
+// that the box fell silent.
+//
+// Environment: as person.mjs, TROCAR_PROGRAM (the program) and TROCAR_CLIP (what the box's camera sees).
+import assert from 'node:assert/strict';
+import { spawn } from 'node:child_process';
+import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { createServer } from 'node:net';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+
+import { violationsOf } from './accessibility.mjs';
+import { launch } from './chromium.mjs';
+import { person, requiredEnv, url, waitUntil } from './person.mjs';
+
+const mark = Date.now().toString(36); // So that the scenario can run again in the same centre.
+const NAME = `Nia Pedal ${mark}`;
+const SECRET = 'a password at the box';
+const folder = mkdtempSync(join(tmpdir(), 'trocar-box-'));
+const made = {};
+
+let browser;
+let admin;
+let trainee;
+let screen;
+let agent;
+let port;
+
+before(async () => {
+  browser = await launch();
+  [admin, trainee, screen] = await Promise.all(['box-agent-', 'box-agent-own-', 'box-agent-screen-'].map(prefix => person(browser, { prefix })));
+});
+
+after(async () => {
+  agent?.kill('SIGKILL');
+  await browser?.close();
+  rmSync(folder, { recursive: true });
+});
+
+/** A port that is free now. */
+const freePort = () =>
+  new Promise(done => {
+    const server = createServer().listen(0, '127.0.0.1', () => {
+      const { port: free } = server.address();
+      server.close(() => done(free));
+    });
+  });
+
+async function standBy() {
+  port = await freePort();
+  const args = ['agent', 'stand-by', '--server', url, '--box', made.box.code, '--token-file', join(folder, 'token'), '--spool', join(folder, 'spool'), '--screen', String(port)];
+  agent = spawn(requiredEnv('TROCAR_PROGRAM'), [...args, requiredEnv('TROCAR_CLIP')], { stdio: ['ignore', 'ignore', 'inherit'] });
+}
+
+const button = (of, name) => of.page.getByRole('button', { name, exact: true });
+const screenState = async () => (await fetch(`http://127.0.0.1:${port}/state`)).json();
+const agentState = () => admin.page.evaluate(async at => (await fetch(at)).json(), `/api/v1/boxes/${made.box.code}/agent`);
+
+test('the pages show a box that stands by', async () => {
+  await admin.page.goto(url);
+  await admin.signIn();
+  await admin.page.locator('header.top nav').waitFor();
+  made.box = await admin.create('boxes', { name: `Pedal box ${mark}` });
+  made.task = await admin.create('tasks', { name: `Pedal pegs ${mark}` });
+  made.nia = await admin.create('trainees', { name: NAME });
+  await admin.create('people', { login: `nia-${mark}`, name: NAME, role: 'trainee', password: SECRET, trainee: made.nia.id });
+  const token = await admin.create('tokens', { name: `beside ${made.box.code}`, role: 'agent', box: made.box.id });
+  writeFileSync(join(folder, 'token'), token.token, { mode: 0o600 });
+  await admin.open('/boxes');
+  const row = admin.page.locator('tr', { hasText: made.box.name });
+  await row.getByText('No agent').waitFor();
+  await standBy();
+  await row.getByText('Stands by').waitFor({ timeout: 10_000 });
+  await admin.takePictures('boxes');
+});
+
+test('the dashboard starts and stops a recording', async () => {
+  await admin.open(`/boxes/${made.box.code}`);
+  await admin.page.getByText('exposure held').or(admin.page.getByText(/frames per second/)).waitFor();
+  await admin.page.getByLabel('Trainee', { exact: true }).selectOption(made.nia.id);
+  await admin.page.getByLabel('Task', { exact: true }).selectOption(made.task.id);
+  await button(admin, 'Start recording at the box').click();
+  await admin.page.getByText(`Records ${NAME}`).waitFor({ timeout: 10_000 });
+  assert.deepEqual(await violationsOf(admin.page), []);
+  await admin.takePictures('records');
+  await waitUntil(async () => (await agentState()).recording?.frames > 10, 'some frames');
+  await button(admin, 'Stop recording').click();
+  await button(admin, 'Start recording at the box').waitFor({ timeout: 10_000 });
+});
+
+test('a trainee checks in with a PIN, and a key starts and stops', async () => {
+  await trainee.page.goto(`${url}/account`);
+  await trainee.signIn(SECRET, `nia-${mark}`);
+  await trainee.page.getByText('PIN for the box').waitFor();
+  await trainee.page.fill('[name=pin]', '2580');
+  await button(trainee, 'Set the PIN').click();
+  await trainee.page.getByText('The PIN was set.').waitFor();
+  await screen.page.goto(`http://127.0.0.1:${port}/`);
+  await screen.page.locator('svg.qr').waitFor();
+  assert.deepEqual(await violationsOf(screen.page), []);
+  await screen.takePictures('check-in');
+  await screen.page.fill('[name=trainee]', made.nia.code);
+  await screen.page.fill('[name=pin]', '2581');
+  await button(screen, 'Check in').click();
+  await screen.page.getByText('The code or the PIN is wrong').waitFor();
+  await screen.page.fill('[name=pin]', '2580');
+  await button(screen, 'Check in').click();
+  await button(screen, made.task.name).click();
+  await screen.page.locator('.press:enabled').waitFor();
+  await screen.takePictures('ready');
+  await screen.page.keyboard.press('Space');
+  await screen.page.locator('.elapsed').waitFor();
+  await screen.takePictures('records');
+  await waitUntil(async () => (await screenState()).state.recording?.session, 'the session of the recording');
+  await screen.page.getByText(/[2-9][0-9] frames/).waitFor();
+  await screen.page.keyboard.press('Space');
+  await screen.page.getByText(`Last recording, ${made.task.name}`).waitFor();
+  await screen.takePictures('last');
+  await button(screen, 'Check out').click();
+  await screen.page.getByText('Who trains?').waitFor();
+});
+
+test('a trainee checks in from the phone', async () => {
+  await waitUntil(async () => (await screenState()).check_in_address, 'the address of the code');
+  const { check_in_address: address } = await screenState();
+  await trainee.page.goto(address);
+  await button(trainee, 'Check in').waitFor();
+  await trainee.takePictures('phone');
+  await button(trainee, 'Check in').click();
+  await trainee.page.getByText(`You are checked in at ${made.box.name}`).waitFor();
+  assert.deepEqual(await violationsOf(trainee.page), []);
+  await screen.page.getByText(NAME).waitFor({ timeout: 10_000 });
+  await button(trainee, 'Check out').click();
+  await screen.page.getByText('Who trains?').waitFor({ timeout: 10_000 });
+});
+
+test('the pages show that a box fell silent', async () => {
+  await admin.open('/boxes');
+  const row = admin.page.locator('tr', { hasText: made.box.name });
+  await row.getByText('Stands by').waitFor();
+  agent.kill('SIGKILL');
+  await row.getByText('Silent since').waitFor({ timeout: 10_000 });
+});
