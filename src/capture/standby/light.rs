@@ -1,8 +1,8 @@
 //! The brightness of the picture, compared with the time after the box's calibration or last self-test.
 //!
 //! It is the mean luma of the whole picture: simple, and the same for every box. A mat, a hand and the camera's automatic
-//! exposure change it too, so only a large and lasting change says something. The reference is the median of the first
-//! minute in which the agent saw the box after the calibration or the self-test. It is kept in the spool's folder.
+//! exposure change it too, so only a large and lasting change says something. The reference is the median of the
+//! agent's first minute after the calibration or the self-test. It is kept in the spool's folder.
 
 use std::collections::VecDeque;
 use std::fs;

@@ -240,6 +240,17 @@ mod tests {
     }
 
     #[test]
+    fn systemd_accepts_the_unit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(UNIT);
+        fs::write(&path, unit(&args("/dev/video0"), Path::new("/bin/true")).unwrap()).unwrap();
+        // The text is compared above; a machine without systemd cannot say more.
+        let Ok(verified) = Command::new("systemd-analyze").arg("verify").arg(&path).output() else { return };
+        let said = String::from_utf8_lossy(&verified.stderr);
+        assert!(!said.contains(UNIT), "{said}");
+    }
+
+    #[test]
     fn words_are_quoted_for_systemd() {
         let quote = |word: &str| quoted(OsStr::new(word));
         assert_eq!(quote("/dev/video0").unwrap(), "/dev/video0");

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
@@ -16,6 +16,8 @@ use trocar::domain::feed::record::read_all;
 use trocar::media::{MediaLimits, VideoFile};
 
 use super::Centre;
+use super::centre::json_of;
+use crate::box_agent::BoxComputer;
 use crate::process::program;
 use crate::support::{let_time_pass, poll, poll_until};
 
@@ -316,6 +318,36 @@ async fn a_service_that_dies_and_stays_away_costs_no_frame() {
     setup.restart_the_service().await;
     assert!(agent.wait_for_exit().await.success());
     assert_eq!(setup.session_frames().await, decode(&clip));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_box_that_stands_by_records_on_while_the_service_is_away() {
+    const STEP_S: f64 = 0.04;
+    let mut setup = AgentSetup::new().await;
+    let token = json!({"name": "box 1", "role": "agent", "box": "box-1"});
+    let token = json_of(setup.centre.create_signed_in("/tokens", &token).await).await;
+    let computer = BoxComputer::new(token["token"].as_str().unwrap(), 60);
+    let agent = computer.stand_by(&format!("http://{}", setup.relay.host), &[]);
+    let at = "/boxes/box-1/agent";
+    setup.centre.until(at, |state| state["camera"]["is_open"] == true).await;
+    let target = json!({"trainee": "ada", "task": "pegs"});
+    json_of(setup.centre.create_signed_in(&format!("{at}/start"), &target).await).await;
+    poll_until("the arrival of frames", || setup.arrived() > 0).await;
+    setup.kill_the_service();
+    let frames = async || {
+        let state: Value = reqwest::get(agent.screen("/state")).await.unwrap().json().await.unwrap();
+        state["state"]["recording"]["frames"].as_u64().unwrap()
+    };
+    let before = frames().await;
+    poll("frames without a service", async || (frames().await > before + 25).then_some(())).await;
+    setup.restart_the_service().await;
+    setup.centre.until(at, |state| !state["recording"].is_null() && state["presence"] == "live").await;
+    let recorded = frames().await;
+    json_of(setup.centre.create_signed_in(&format!("{at}/stop"), &json!({})).await).await;
+    let times: Vec<f64> = setup.session_frames().await.iter().map(|frame| frame.1).collect();
+    assert!(times.len() as u64 >= recorded, "{} of {recorded} frames", times.len());
+    let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
+    assert!(steps.clone().all(|step| (step - STEP_S).abs() < 0.001), "no frame is missing: {times:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
