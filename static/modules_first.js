@@ -18,18 +18,19 @@
       parts/recording/recording_target.js parts/session/advice.js parts/session/background.js
       parts/session/box_question.js parts/session/cohort_places.js parts/session/comments.js
       parts/session/compared_space.js parts/session/cuts.js parts/session/edit_dialog.js parts/session/edits.js
-      parts/session/error_score.js parts/session/error_sheet.js parts/session/error_sheets.js parts/session/evidence.js
-      parts/session/feature_folds.js parts/session/feature_notes.js parts/session/features.js parts/session/ghost.js
-      parts/session/moves.js parts/session/outcome_card.js parts/session/quality.js parts/session/ratings.js
-      parts/session/review.js parts/session/setup_versions.js parts/session/skill.js parts/session/span_bar.js
-      parts/session/verdict.js parts/tasks/hand_choice.js watch.js with_error.js`,
+      parts/session/error_score.js parts/session/error_sheet.js parts/session/error_sheets.js
+      parts/session/evidence.js parts/session/feature_folds.js parts/session/feature_notes.js
+      parts/session/features.js parts/session/ghost.js parts/session/moves.js parts/session/outcome_card.js
+      parts/session/quality.js parts/session/ratings.js parts/session/review.js parts/session/setup_versions.js
+      parts/session/skill.js parts/session/span_bar.js parts/session/verdict.js parts/tasks/hand_choice.js watch.js
+      with_error.js`,
     trainee: `
       csv.js format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js
       parts/charts/progress_plot.js parts/courses/course_state.js parts/courses/own_courses.js parts/forms/dialog.js
       parts/page/recorded_at.js parts/page/save_table.js parts/page/status.js parts/people/access_entries.js
       parts/people/certificates.js parts/people/consent.js parts/people/own_data.js parts/people/progress_summary.js
-      parts/people/retention.js parts/people/strengths.js parts/tasks/hand_choice.js parts/tasks/space_choice.js
-      parts/tasks/standard.js with_error.js`,
+      parts/people/record_merges.js parts/people/retention.js parts/people/strengths.js parts/tasks/hand_choice.js
+      parts/tasks/space_choice.js parts/tasks/standard.js with_error.js`,
       parts/people/consent.js parts/people/own_data.js parts/people/progress_summary.js parts/people/retention.js
       parts/people/strengths.js parts/tasks/hand_choice.js parts/tasks/space_choice.js parts/tasks/standard.js
       parts/people/consent.js parts/people/own_data.js parts/people/progress_summary.js parts/people/record_merges.js

@@ -32,7 +32,10 @@ use crate::domain::text::{Code, FileName, Key, Login, Name, Paragraphs, Remark, 
 use crate::domain::trainee::{Handedness, Level};
 use crate::domain::waiting_recording::RecordingSource;
 use crate::ids::{
-    BoxId, CalibrationId, CertificateId, CohortId, CommentId, ConsentId, ConsentTextId, CourseId, CutId, DismissalId, EditId, ErrorListId, ErrorMarkId, ErrorSheetId, FeedId, GroupId, IdentityId, InstallationId, JobId, LeaseToken, MergeId, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, ScoreFormulaId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId, WaitingRecordingId,
+    BoxId, CalibrationId, CertificateId, CohortId, CommentId, ConsentId, ConsentTextId, CourseId, CutId, DismissalId,
+    EditId, ErrorListId, ErrorMarkId, ErrorSheetId, FeedId, GroupId, IdentityId, InstallationId, JobId, LeaseToken,
+    MergeId, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, ScoreFormulaId,
+    SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId, WaitingRecordingId,
 };
 use crate::motion::features::{self, Feature};
 use crate::time::Day;
