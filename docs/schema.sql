@@ -1065,6 +1065,11 @@ CREATE TRIGGER session_has_whole_video AFTER INSERT ON session WHEN NEW.is_part 
     UPDATE session SET whole_video = NEW.video WHERE id = NEW.id;
 END;
 
+CREATE TRIGGER session_leaves_no_cut BEFORE DELETE ON session BEGIN
+    DELETE FROM session_cut
+    WHERE first_id = OLD.id AND second_id IS NULL OR second_id = OLD.id AND first_id IS NULL;
+END;
+
 CREATE TRIGGER trainee_erased AFTER DELETE ON trainee BEGIN
     INSERT INTO erasure (kind, id, at_ms) VALUES ('trainee', OLD.id, CAST(unixepoch('subsec') * 1000 AS INTEGER));
 END;
@@ -1076,6 +1081,9 @@ CREATE TRIGGER trainee_leaves_certificates BEFORE DELETE ON trainee BEGIN
     SET state = 'erased', state_at_ms = CAST(unixepoch('subsec') * 1000 AS INTEGER), content = NULL, pdf = NULL, reason = NULL,
         person_id = NULL, trainee_id = NULL
     WHERE trainee_id = OLD.id;
+CREATE TRIGGER trainee_leaves_no_reasons BEFORE DELETE ON trainee BEGIN
+    UPDATE session_cut SET why = '–'
+    WHERE EXISTS (SELECT 1 FROM session WHERE session.trainee_id = OLD.id AND session.id IN (first_id, second_id));
 END;
 
 CREATE TRIGGER trainee_leaves_no_words BEFORE DELETE ON trainee BEGIN

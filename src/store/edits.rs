@@ -43,6 +43,8 @@ pub struct EditRecord {
     /// For an answer to the question for the box: true if the session was filed under another box then, so that the
     /// answer does not count now.
     pub is_of_other_box: bool,
+    /// True for the trim of a part of a cut recording: it is undone by joining the parts.
+    pub is_of_cut: bool,
     /// Beginning, seconds of the recording.
     pub from_s: Option<f64>,
     /// End, seconds of the recording.
@@ -115,6 +117,9 @@ impl EditRecord {
 /// Selects the [`EditRecord`]s of session `$1`, oldest first.
 const SELECT_EDITS: &str = "
     SELECT edit.id, edit.kind, edit.kind IN ('this_box', 'other_box') AND edit.box_id IS NOT session.box_id AS is_of_other_box,
+           EXISTS (SELECT 1 FROM session_cut AS cut
+                   WHERE (cut.first_edit_id = edit.id OR cut.second_edit_id = edit.id)
+                     AND cut.joined_at_ms IS NULL) AS is_of_cut,
            edit.from_s, edit.to_s, edit.tools, edit.true_frame_rate_hz, edit.true_duration_s, edit.why,
            maker.name AS who, edit.created_at_ms, undoer.name AS undone_by, edit.undone_at_ms
     FROM session_edit AS edit
@@ -316,11 +321,9 @@ pub(super) async fn copy_in_force(
     let items: Vec<EditRecord> = sqlx::query_as(SELECT_EDITS).bind(from).bind(MAX_EDITS).fetch_all(&mut *tx).await?;
     for edit in items.into_iter().filter(EditRecord::is_in_force) {
         let author = sqlx::query_scalar(SELECT_AUTHOR).bind(edit.id).fetch_optional(&mut *tx).await?.flatten();
-        match edit.change() {
-            Some(change @ (EditChange::Trim(_) | EditChange::Swap(..) | EditChange::Retime(_))) => {
-                insert(tx, (EditId::at(now_ms), to, author), &change, edit.why, now_ms).await?;
-            }
-            _ => {}
+        let change = edit.change();
+        if let Some(change @ (EditChange::Trim(_) | EditChange::Swap(..) | EditChange::Retime(_))) = change {
+            insert(tx, (EditId::at(now_ms), to, author), &change, edit.why, now_ms).await?;
         }
     }
     Ok(())

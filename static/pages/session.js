@@ -65,8 +65,8 @@ export default function Session({ person, route }) {
         ${session.retry_can_help && may(person, 'see_boxes') && html`<p><a href=${href(['boxes', session.box.id])}>${
           words.toBox(session.box.name)}</a></p>`}`}
       <${SameRecording} session=${session} person=${person} />
-      <${Cuts} key=${edits?.revision} session=${session} person=${person}
-        onChange=${cut => (cut.first === session.id ? (readEdits(), reload()) : go(['sessions', cut.first]))} />
+      ${edits?.items.some(edit => edit.of_cut) && html`<${Cuts} key=${edits.revision} session=${session} person=${person}
+        onChange=${cut => (cut.first === session.id ? (readEdits(), reload()) : go(['sessions', cut.first]))} />`}
       <${BoxQuestion} session=${session} person=${person} edits=${edits} onChange=${() => (readEdits(), reload())} />
       <${EarlyEnd} session=${session} />
       <${SetAside} session=${session} edits=${edits} />

@@ -42,6 +42,8 @@ pub struct EditResponse {
     /// True for an answer to the `box_question` that was given while the session was filed under another box: it does
     /// not count now.
     for_other_box: bool,
+    /// True for the trim of a part of a cut recording: join the parts to undo it (`GET /sessions/{id}/cuts`).
+    of_cut: bool,
     /// When it was undone, and the name of the person; `null`: it is in force.
     undone: Option<Undone>,
 }
@@ -93,6 +95,7 @@ impl From<store::EditRecord> for EditResponse {
             who: edit.who.map(String::from),
             created_at: Time(edit.created_at_ms),
             for_other_box: edit.is_of_other_box,
+            of_cut: edit.is_of_cut,
             undone: edit.undone_at_ms.map(|at| Undone { who: undone_by, at: Time(at) }),
         }
     }

@@ -52,7 +52,7 @@ export function Edits({ session, person, edits, playback, tools, onEdited }) {
           ${scored && !marked && html`<p class="small muted">${words.markFirst}</p>`}`}
         ${inForce.length > 0 && html`<ul class="edit-list">${inForce.map(edit => html`
           <li key=${edit.id}><${EditEntry} edit=${edit} />
-            ${mayEdit && html`<button class="button" type="button" aria-label=${words.undoThis(editText(edit))}
+            ${mayEdit && !edit.of_cut && html`<button class="button" type="button" aria-label=${words.undoThis(editText(edit))}
               onClick=${() => undo(edit)}>${words.undo}</button>`}</li>`)}</ul>`}
         ${undone.length > 0 && html`<details class="small"><summary>${words.undone(undone.length)}</summary>
           <ul class="edit-list">${undone.map(edit => html`<li key=${edit.id}><${EditEntry} edit=${edit} /></li>`)}</ul></details>`}

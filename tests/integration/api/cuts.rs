@@ -95,6 +95,7 @@ async fn a_recording_is_cut_into_two_scored_sessions_and_joined_again() {
         assert_eq!((&cuts["items"][0]["second"], &cuts["items"][0]["why"]), (&made["second"], &Value::Null));
     }
     let edits = by.read(&format!("{second}/edits")).await;
+    assert_eq!(edits["items"][0]["of_cut"], true, "{edits}");
     let undo = format!("{second}/edits/{}/undo", edits["items"][0]["id"].as_str().unwrap());
     problem(by.post(&undo, Value::Null).await, 409, "conflict").await;
     let again = problem(import(&centre.administrator, "ada", 1.0).await, 409, "duplicate-recording").await;
