@@ -1,4 +1,4 @@
-//! The codes that a box shows as a QR code: a person who reads one stands at the box. A code is valid for a short time and
+//! The codes that a box shows as a QR code: a person who reads one is at the box. A code is valid for a short time and
 //! used once.
 
 use std::time::Duration;

@@ -47,7 +47,7 @@ enum Command {
     /// Run the service: web pages, programming interface, queue and workers.
     Serve(serve::ServeArgs),
     /// Record a box's camera and send the recording to the server while it is made.
-    Agent(agent::AgentArgs),
+    Agent(Box<agent::AgentArgs>),
     /// Compute a box's camera.json from photos or a video of a checkerboard.
     Calibrate(calibrate::CalibrateArgs),
     /// Find the best tape colours for a box, or check the colours that were marked.
@@ -79,7 +79,7 @@ enum Command {
 pub fn run(cli: Cli) -> Result<(), CommandFailure> {
     match cli.command {
         Command::Serve(args) => serve::run(args),
-        Command::Agent(args) => agent::run(args),
+        Command::Agent(args) => agent::run(*args),
         Command::Calibrate(args) => calibrate::run(args),
         Command::Palette(args) => palette::run(args),
         Command::SelfTest(args) => self_test::run(args),

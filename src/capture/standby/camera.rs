@@ -1,7 +1,7 @@
 //! The camera of a box, kept open: its frames are read and dropped until a recording takes them. The frames since the last
 //! key frame are kept, because a recording of H.264 must begin with one.
 //!
-//! A camera that ends, fails or falls silent is opened again, for as long as the agent runs. A recording goes on after a
+//! A camera that ends, fails or falls silent is opened again, for as long as the agent runs. A recording continues after a
 //! gap if the camera is back in time with the same pictures; otherwise it ends there.
 
 use std::collections::VecDeque;

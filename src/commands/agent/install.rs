@@ -13,6 +13,7 @@ use super::key_value;
 use super::standby::installed_spool;
 use crate::capture::connection::Server;
 use crate::commands::CommandFailure;
+use crate::commands::greeting::print_line;
 
 /// Name of the unit. A unit of this name in `/etc` replaces the one of the Debian package.
 const UNIT: &str = "trocar-agent.service";
@@ -64,7 +65,7 @@ pub(super) fn run(args: InstallArgs) -> Result<(), CommandFailure> {
     let program = std::env::current_exe().context("finding this program")?;
     let unit = unit(&args, &program).map_err(|why| CommandFailure::Input(anyhow!(why)))?;
     if args.print {
-        print!("{unit}");
+        print_line(unit.trim_end());
         return Ok(());
     }
     let token = fs::read_to_string(&args.token_file)
@@ -80,9 +81,9 @@ pub(super) fn run(args: InstallArgs) -> Result<(), CommandFailure> {
     systemctl(["daemon-reload"])?;
     systemctl(["enable", UNIT])?;
     systemctl(["restart", UNIT])?;
-    println!("The agent stands by: {} · see it with: journalctl -u trocar-agent -f", path.display());
+    print_line(&format!("The agent stands by: {} · see it with: journalctl -u trocar-agent -f", path.display()));
     if let Some(port) = args.screen {
-        println!("The page of the box's screen: http://127.0.0.1:{port}/");
+        print_line(&format!("The page of the box's screen: http://127.0.0.1:{port}/"));
     }
     Ok(())
 }
@@ -99,7 +100,7 @@ pub(super) fn uninstall(args: UninstallArgs) -> Result<(), CommandFailure> {
         fs::remove_file(TOKEN).with_context(as_root(TOKEN))?;
     }
     systemctl(["daemon-reload"])?;
-    println!("Removed. Recordings that were not sent are still in {}", installed_spool().display());
+    print_line(&format!("Removed. Recordings that were not sent are still in {}", installed_spool().display()));
     Ok(())
 }
 
