@@ -1,7 +1,7 @@
 //! Recordings that wait for a name: they are stored, but not tracked, until a person says whose they are.
 //!
-//! A recording becomes a session with the same id: the erasure of that session also removes the recording from a backup
-//! in which it still waits. All staff see recordings without a name, because they have to recognise the person. One
+//! A recording becomes a session with the same id: the erasure of that session also removes the recording from an older
+//! backup, where it still waits. All staff see recordings without a name, since they have to recognise the person. One
 //! that the list of a watched folder gives to a trainee is seen only by those who see the trainee.
 
 use sqlx::sqlite::SqliteConnection;
@@ -80,7 +80,7 @@ pub struct WaitingRecordingRecord {
 }
 
 impl WaitingRecordingRecord {
-    /// When it was recorded as far as is known, else when it arrived, epoch ms: the key of lists.
+    /// When it was recorded, or when it arrived if that is not known, epoch ms: the key of lists.
     fn made_at_ms(&self) -> i64 {
         self.recorded_at_ms.unwrap_or(self.arrived_at_ms)
     }

@@ -12,13 +12,13 @@ use crate::http::read::Json;
 use crate::http::state::App;
 use crate::ids::{SessionId, WaitingRecordingId};
 
-/// What came of each recording, in the order of the request.
+/// The result of each recording, in the order of the request.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct AssignmentResults {
     results: Vec<AssignmentResult>,
 }
 
-/// What came of one recording.
+/// The result of one recording.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct AssignmentResult {
     id: WaitingRecordingId,
@@ -35,7 +35,7 @@ pub struct AssignmentResult {
 
 /// Assign recordings to trainees
 ///
-/// Each recording is assigned on its own: `results` says what came of it, in the order of the request. It becomes a
+/// Each recording is assigned on its own: `results` has its result, in the order of the request. It becomes a
 /// session with the same id, and is tracked. Its arrival stays the time at which it arrived here. It counts as
 /// supervised only if the caller says so.
 #[utoipa::path(post, path = "/waiting-recordings/assign", tag = "waiting recordings",

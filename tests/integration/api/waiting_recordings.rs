@@ -1,4 +1,4 @@
-//! Recordings that wait for a name: who sends and sees them, what comes of them, and that they are measured only with a
+//! Recordings that wait for a name: who sends and sees them, their assignment, and that they are measured only with a
 //! name.
 
 use std::sync::Arc;
