@@ -42,8 +42,8 @@ export default function Certificate({ person, route }) {
 
 /** The progress, with the version of the standard that was passed in place of the one in use. */
 async function load(id, task, signal) {
-  const [progress, { items: issued }] = await Promise.all([
-    api.trainees.progress(id, { task }, signal), api.certificates.page({ trainee: id, limit: 200 }, signal)]);
+  const progress = await api.trainees.progress(id, { task }, signal);
+  const { items: issued } = await api.certificates.page({ trainee: id, limit: 200 }, signal);
   const { passed, standard } = progress;
   if (!progress.task || !passed || passed.standard === standard?.version) return { ...progress, issued };
   const versions = await api.tasks.standards(progress.task.id, signal);

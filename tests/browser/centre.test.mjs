@@ -167,13 +167,14 @@ test('the group’s table shows the pass, and the certificate prints on one side
 });
 
 test('the certificate is issued; a stranger sees that it is valid, that a changed file is not, and that it was withdrawn', async () => {
+  await open(`/trainees/${made.ada.id}/certificate?task=${made.task.id}`);
   await button('Issue certificate').click();
   await page.locator('dialog').getByRole('button', { name: 'Issue certificate' }).click();
   await page.locator('.certificates .pill', { hasText: 'Valid' }).waitFor();
   await takePictures('07-issued');
   const [certificate] = (await getJson(`certificates?trainee=${made.ada.id}`)).items;
   made.code = certificate.content.code;
-  const file = await (await page.request.get(`${url}/api/v1/certificates/${certificate.id}/pdf`)).body();
+  const file = Buffer.from(await page.evaluate(async at => [...new Uint8Array(await (await fetch(at)).arrayBuffer())], `/api/v1/certificates/${certificate.id}/pdf`));
   const stranger = await person(browser, { prefix: 'centre-stranger-' });
   await stranger.page.goto(`${url}/verify/${made.code}`);
   await stranger.page.locator('.notice.good', { hasText: 'Valid' }).waitFor();

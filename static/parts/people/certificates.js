@@ -18,7 +18,7 @@ export const StatePill = ({ state }) => html`<span class=${`pill ${TONES[state]}
 /** The certificates of one trainee, as a card; nothing for a trainee who has none, unless `always`. @param {Props} props */
 export function CertificatesCard({ trainee, person, always = false }) {
   const { data, problem, reload } = useData(signal => api.certificates.page({ trainee, limit: 200 }, signal), [trainee]);
-  if (!always && data?.items.length === 0) return null;
+  if (!always && !problem && !data?.items.length) return null;
   return html`
     <section class="card certificates" id="certificates">
       <header><h2>${words.title}</h2></header>
