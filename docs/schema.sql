@@ -118,6 +118,8 @@ CREATE TABLE certificate_session (
     number         INTEGER NOT NULL CHECK (number >= 1),                     -- the session's number on the certificate
     session_id     TEXT REFERENCES session (id) ON DELETE SET NULL,          -- the session; NULL: erased
     PRIMARY KEY (certificate_id, number)
+) STRICT;
+
 CREATE TABLE check_in_pin (
     person_id TEXT PRIMARY KEY REFERENCES person (id) ON DELETE CASCADE,         -- whose; deleted with the account
     pin_hash  TEXT NOT NULL CHECK (pin_hash LIKE '$argon2id$%'),                    -- argon2id, like a password's
@@ -1012,6 +1014,7 @@ CREATE INDEX waiting_recording_preview ON waiting_recording (preview) WHERE prev
 CREATE INDEX waiting_recording_task ON waiting_recording (task_id);
 
 CREATE INDEX waiting_recording_trainee ON waiting_recording (trainee_id);
+
 CREATE TRIGGER certificate_stays BEFORE UPDATE OF code, standard_version, language, content, pdf, key_id, issued_at_ms ON certificate
 WHEN NEW.state <> 'erased' BEGIN
     SELECT RAISE(ABORT, 'an issued certificate never changes');
@@ -1055,8 +1058,6 @@ CREATE TRIGGER session_erased AFTER DELETE ON session BEGIN
     INSERT INTO erasure (kind, id, at_ms) VALUES ('session', OLD.id, CAST(unixepoch('subsec') * 1000 AS INTEGER));
 END;
 
-CREATE TRIGGER session_leaves_no_waiting_recording AFTER DELETE ON session WHEN OLD.video IS NOT NULL BEGIN
-    DELETE FROM waiting_recording WHERE video = OLD.video;
 CREATE TRIGGER session_gets_whole_video AFTER UPDATE OF video ON session WHEN NEW.is_part = 0 BEGIN
     UPDATE session SET whole_video = NEW.video WHERE id = NEW.id;
 END;
@@ -1070,6 +1071,10 @@ CREATE TRIGGER session_leaves_no_cut BEFORE DELETE ON session BEGIN
     WHERE first_id = OLD.id AND second_id IS NULL OR second_id = OLD.id AND first_id IS NULL;
 END;
 
+CREATE TRIGGER session_leaves_no_waiting_recording AFTER DELETE ON session WHEN OLD.video IS NOT NULL BEGIN
+    DELETE FROM waiting_recording WHERE video = OLD.video;
+END;
+
 CREATE TRIGGER trainee_erased AFTER DELETE ON trainee BEGIN
     INSERT INTO erasure (kind, id, at_ms) VALUES ('trainee', OLD.id, CAST(unixepoch('subsec') * 1000 AS INTEGER));
 END;
@@ -1081,6 +1086,8 @@ CREATE TRIGGER trainee_leaves_certificates BEFORE DELETE ON trainee BEGIN
     SET state = 'erased', state_at_ms = CAST(unixepoch('subsec') * 1000 AS INTEGER), content = NULL, pdf = NULL, reason = NULL,
         person_id = NULL, trainee_id = NULL
     WHERE trainee_id = OLD.id;
+END;
+
 CREATE TRIGGER trainee_leaves_no_reasons BEFORE DELETE ON trainee BEGIN
     UPDATE session_cut SET why = '–'
     WHERE EXISTS (SELECT 1 FROM session WHERE session.trainee_id = OLD.id AND session.id IN (first_id, second_id));

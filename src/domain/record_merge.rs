@@ -25,6 +25,10 @@ named! {
         AccessEntries = "access_entries",
         /// What staff dismissed from their lists.
         Dismissals = "dismissals",
+        /// Certificates.
+        Certificates = "certificates",
+        /// Recordings that wait for a name, and that a list gives to the person, or that are of the box.
+        WaitingRecordings = "waiting_recordings",
         /// The account.
         Account = "account",
         /// Comments of the account.

@@ -148,7 +148,7 @@ const SELECT_CERTIFICATES: &str = "
     WHERE trainee_id IS NOT NULL
       AND ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND ($3 IS NULL OR trainee_id = $3) AND ($4 IS NULL OR state = $4) AND ($5 IS NULL OR id < $5)
     ORDER BY id DESC LIMIT $6";
 
@@ -157,7 +157,7 @@ const SELECT_CERTIFICATE: &str = "
     WHERE id = $3 AND trainee_id IS NOT NULL
       AND ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))";
+      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 const SELECT_PDF: &str = "SELECT pdf FROM certificate WHERE id = $1 AND pdf IS NOT NULL";
 

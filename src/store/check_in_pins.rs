@@ -38,7 +38,7 @@ const SELECT_PIN: &str = "
     SELECT person_id, person.trainee_id, pin_hash
     FROM check_in_pin JOIN person ON person.id = person_id JOIN trainee ON trainee.id = person.trainee_id
     WHERE trainee.code = $1 AND person.role = 'trainee'
-      AND trainee.id NOT IN (SELECT trainee_id FROM pending_erasure)";
+      AND trainee.id NOT IN (SELECT trainee_id FROM hidden_trainee)";
 
 impl CheckInPinStore<'_> {
     /// When the caller's own PIN was set, epoch ms; `None`: there is none.

@@ -204,7 +204,7 @@ const SELECT_WAITING: &str = "
       AND (waiting.trainee_id IS NULL OR $1 = 'administrator'
            OR waiting.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND (waiting.trainee_id IS NULL OR $2 IS 'service'
-           OR waiting.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+           OR waiting.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND ($3 IS NULL OR waiting.id = $3)
       AND ($4 IS NULL OR $4 IN (training_box.id, training_box.code))
       AND ($5 IS NULL OR waiting.source = $5)
@@ -219,7 +219,7 @@ const COUNT_WAITING: &str = "
       AND (waiting.trainee_id IS NULL OR $1 = 'administrator'
            OR waiting.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND (waiting.trainee_id IS NULL OR $2 IS 'service'
-           OR waiting.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))";
+           OR waiting.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
 
 const SELECT_OF_TRAINEE: &str = "
     SELECT waiting.id, waiting.video, blob.bytes, waiting.media_type, waiting.filename, waiting.folder, waiting.source,
@@ -236,7 +236,7 @@ const SELECT_OF_TRAINEE: &str = "
     WHERE waiting.trainee_id = $3
       AND ($1 = 'administrator'
            OR waiting.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR waiting.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure))
+      AND ($2 IS 'service' OR waiting.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
     ORDER BY waiting.id";
 
 /// The names of all trainees (also for the service without those who wait for their erasure), tasks and boxes that a
@@ -245,7 +245,7 @@ const SELECT_PROPOSABLE_TRAINEES: &str = "
     SELECT id, name, code FROM trainee
     WHERE ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND id NOT IN (SELECT trainee_id FROM pending_erasure)
+      AND id NOT IN (SELECT trainee_id FROM hidden_trainee)
     ORDER BY code LIMIT $3";
 
 const SELECT_PROPOSABLE_TASKS: &str = "SELECT id, name, code FROM task WHERE $1 <> 'agent' ORDER BY code LIMIT $3";

@@ -1377,6 +1377,8 @@ export default {
       retention: 'Aufbewahrung der Videos',
       access_entries: 'Exporte durch Personal',
       dismissals: 'Einträge, die Personal aus seinen Listen entfernt hat',
+      certificates: 'Zertifikate',
+      waiting_recordings: 'Aufnahmen ohne Namen',
       account: 'Konto',
       comments: 'Kommentare',
       identities: 'Single Sign-on',

@@ -1230,6 +1230,8 @@ export default {
       retention: 'How long videos are kept',
       access_entries: 'Exports by staff',
       dismissals: 'Entries that staff removed from their lists',
+      certificates: 'Certificates',
+      waiting_recordings: 'Recordings without a name',
       account: 'Account',
       comments: 'Comments',
       identities: 'Single sign-on',

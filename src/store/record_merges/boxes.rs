@@ -42,6 +42,14 @@ pub(super) const OF_BOX: &[Followed] = &[
         count: "SELECT count(*) FROM upload WHERE box_id = $1",
     },
     Followed {
+        part: Part::WaitingRecordings,
+        take: "UPDATE OR IGNORE waiting_recording SET box_id = $2 WHERE box_id = $1 RETURNING id",
+        give_back: "
+    UPDATE OR IGNORE waiting_recording SET box_id = $1
+    WHERE box_id = $2 AND id IN (SELECT row_key FROM record_merge_row WHERE merge_id = $3 AND part = $4)",
+        count: "SELECT count(*) FROM waiting_recording WHERE box_id = $1",
+    },
+    Followed {
         part: Part::Feeds,
         take: "UPDATE OR IGNORE feed SET box_id = $2 WHERE box_id = $1 RETURNING id",
         give_back: "

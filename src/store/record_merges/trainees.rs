@@ -100,6 +100,22 @@ pub(super) const OF_TRAINEE: &[Followed] = &[
         count: "SELECT count(*) FROM attention_dismissal WHERE trainee_id = $1",
     },
     Followed {
+        part: Part::Certificates,
+        take: "UPDATE OR IGNORE certificate SET trainee_id = $2 WHERE trainee_id = $1 RETURNING id",
+        give_back: "
+    UPDATE OR IGNORE certificate SET trainee_id = $1
+    WHERE trainee_id = $2 AND id IN (SELECT row_key FROM record_merge_row WHERE merge_id = $3 AND part = $4)",
+        count: "SELECT count(*) FROM certificate WHERE trainee_id = $1",
+    },
+    Followed {
+        part: Part::WaitingRecordings,
+        take: "UPDATE OR IGNORE waiting_recording SET trainee_id = $2 WHERE trainee_id = $1 RETURNING id",
+        give_back: "
+    UPDATE OR IGNORE waiting_recording SET trainee_id = $1
+    WHERE trainee_id = $2 AND id IN (SELECT row_key FROM record_merge_row WHERE merge_id = $3 AND part = $4)",
+        count: "SELECT count(*) FROM waiting_recording WHERE trainee_id = $1",
+    },
+    Followed {
         part: Part::Account,
         take: "UPDATE OR IGNORE person SET trainee_id = $2 WHERE trainee_id = $1 RETURNING id",
         give_back: "
