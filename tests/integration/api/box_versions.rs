@@ -69,11 +69,12 @@ async fn a_session_says_which_versions_it_was_tracked_with_and_which_are_valid_n
     plant_palette(&database, &of, 2, NEW_YEAR_MS - DAY_MS).await;
     assert_eq!(setup().await["palette"]["valid_version"], 2);
     let palettes = versions(&centre, "palettes").await;
-    assert_eq!((&palettes[0]["in_use"], &palettes[1]["in_use"]), (&json!(false), &json!(true)));
+    let [first, second] = [1, 2].map(|version| palettes.iter().find(|one| one["version"] == version).unwrap());
+    assert_eq!((&second["in_use"], &first["in_use"]), (&json!(false), &json!(true)));
     let late = json!({"valid_from": "2026-02-01T00:00:00Z"});
-    centre.instructor.patch(&address("palettes", &palettes[0]), late).await;
-    let first_day = json!({"valid_from": "2026-01-01T00:00:00Z"});
-    centre.instructor.patch(&address("palettes", &palettes[1]), first_day).await;
+    centre.instructor.patch(&address("palettes", second), late).await;
+    let later = json!({"valid_from": "2026-01-03T00:00:00Z"}); // more than a day after the recording
+    centre.instructor.patch(&address("palettes", first), later).await;
     assert_eq!(setup().await["palette"]["valid_version"], Value::Null);
 
     let audit = centre.administrator.read("/api/v1/audit-entries?limit=20").await;

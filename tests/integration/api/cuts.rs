@@ -127,8 +127,8 @@ async fn each_part_goes_its_own_way_and_is_not_joined_then() {
     let undo = format!("{second}/cuts/{}/undo", made["id"].as_str().unwrap());
     let to_bob = json!({"trainee": "bob", "why": "Bob did the second one."});
     by.make(&format!("{second}/moves"), to_bob).await;
-    assert_eq!(sessions(by, "ada", "peg").await, [at.clone()]);
-    assert_eq!(sessions(by, "bob", "peg").await, [second.clone()]);
+    assert_eq!(sessions(by, "ada", "peg").await, std::slice::from_ref(&at));
+    assert_eq!(sessions(by, "bob", "peg").await, std::slice::from_ref(&second));
     assert_eq!(by.read(&second).await["same_recordings"], by.read(&at).await["same_recordings"]);
     problem(by.post(&undo, Value::Null).await, 409, "conflict").await;
     by.make(&format!("{second}/moves"), json!({"trainee": "ada", "why": "It was Ada."})).await;
