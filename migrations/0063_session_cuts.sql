@@ -11,7 +11,7 @@ DROP TRIGGER session_leaves_no_waiting_recording;
 ALTER TABLE session RENAME COLUMN video TO whole_video;
 ALTER TABLE session ADD COLUMN video TEXT REFERENCES blob (hash) ON DELETE RESTRICT; -- the recording; NULL: it is still arriving
 ALTER TABLE session ADD COLUMN is_part INTEGER NOT NULL DEFAULT 0 CHECK (is_part IN (0, 1)); -- 1: made by a cut, with the video of another session
-ALTER TABLE session ADD COLUMN cut_of TEXT REFERENCES session (id) ON DELETE SET NULL; -- the session that the recording arrived as; NULL: this one, or erased
+ALTER TABLE session ADD COLUMN cut_of TEXT CHECK (length(cut_of) = 36); -- SessionId that the recording arrived as, also once that session was erased; NULL: this one
 UPDATE session SET video = whole_video;
 CREATE INDEX session_video ON session (video);
 CREATE INDEX session_whole_video ON session (whole_video);

@@ -42,6 +42,8 @@ impl Counted {
 struct WrongPins {
     count: u32,
     last_ms: i64,
+    /// When the one before was, ms; a right PIN restores it.
+    before_ms: i64,
 }
 
 /// The counters.
@@ -76,8 +78,8 @@ impl PinAttempts {
                 let oldest = wrong.iter().min_by_key(|(_, known)| known.last_ms).map(|(of, _)| of.clone());
                 oldest.map(|of| wrong.remove(&of));
             }
-            let known = wrong.entry(of).or_insert(WrongPins { count: 0, last_ms: now_ms });
-            *known = WrongPins { count: known.count + 1, last_ms: now_ms };
+            let known = wrong.entry(of).or_insert(WrongPins { count: 0, last_ms: now_ms, before_ms: now_ms });
+            *known = WrongPins { count: known.count + 1, last_ms: now_ms, before_ms: known.last_ms };
         }
         Ok(())
     }
@@ -88,7 +90,7 @@ impl PinAttempts {
         let [of_trainee, of_box] = counted(at, trainee);
         wrong.remove(&of_trainee);
         if let Some(known) = wrong.get_mut(&of_box) {
-            known.count = known.count.saturating_sub(1);
+            *known = WrongPins { count: known.count.saturating_sub(1), last_ms: known.before_ms, ..*known };
         }
     }
 }

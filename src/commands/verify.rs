@@ -41,6 +41,8 @@ pub struct VerifyArgs {
 /// The state of a certificate, as its centre knows it.
 struct KnownState {
     state: CertificateState,
+    /// What the centre's own certificate says; `None` if it was erased.
+    content: Option<CertificateContent>,
     /// The day since when.
     day: String,
     reason: Option<String>,
@@ -85,12 +87,14 @@ async fn verify(args: VerifyArgs, file: &[u8]) -> Result<(), CommandFailure> {
         Source::Data(store) => state_in(store, &content.code).await?,
         Source::Server(client) => state_at(client, &content.code).await?,
     };
-    verdict(known)
+    verdict(known, &content)
 }
 
 /// The centre's word on a genuine certificate.
-fn verdict(known: Option<KnownState>) -> Result<(), CommandFailure> {
-    let Some(KnownState { state, day, reason }) = known else {
+fn verdict(known: Option<KnownState>, shown: &CertificateContent) -> Result<(), CommandFailure> {
+    // A person with the key, as of a stolen backup, could sign another name under a code that the centre knows.
+    let issued = known.filter(|known| known.content.as_ref().is_none_or(|content| content == shown));
+    let Some(KnownState { state, day, reason, .. }) = issued else {
         let why = "UNKNOWN: the signature is genuine, but the centre has no such certificate. Ask the centre";
         return Err(refused(why));
     };
@@ -151,6 +155,7 @@ async fn state_in(store: &crate::store::Store, code: &CertificateCode) -> Result
     let found = store.certificates().published(code).await.context("reading the certificate")?;
     Ok(found.map(|found| KnownState {
         state: found.state,
+        content: found.content,
         day: Day::of(found.state_at_ms).to_string(),
         reason: found.reason.map(String::from),
     }))
@@ -160,6 +165,7 @@ async fn state_in(store: &crate::store::Store, code: &CertificateCode) -> Result
 #[derive(Deserialize)]
 struct ServerAnswer {
     state: CertificateState,
+    content: Option<CertificateContent>,
     state_at: String,
     reason: Option<String>,
 }
@@ -169,7 +175,7 @@ async fn state_at(client: &ServiceClient, code: &CertificateCode) -> Result<Opti
         Ok(answer) => {
             let answer: ServerAnswer = serde_json::from_value(answer).context("reading the server's answer")?;
             let day = answer.state_at.chars().take(10).collect();
-            Ok(Some(KnownState { state: answer.state, day, reason: answer.reason }))
+            Ok(Some(KnownState { state: answer.state, content: answer.content, day, reason: answer.reason }))
         }
         Err(RequestError::Refused { status, .. }) if status.as_u16() == 404 => Ok(None),
         Err(error) => Err(unreachable_server(error)),

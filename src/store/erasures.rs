@@ -57,7 +57,7 @@ impl ErasureStore<'_> {
     pub async fn repeat(&self, Erasure { kind, id, at_ms }: &Erasure) -> StoreResult<bool> {
         let service = Scope::service();
         let erased = match kind {
-            ErasedKind::Trainee => self.0.trainees().erase(&service, &Key::from(&parse::<TraineeId>(id)?)).await,
+            ErasedKind::Trainee => self.0.trainees().erase_again(parse(id)?).await,
             ErasedKind::Session => match self.0.sessions().erase(&service, parse(id)?).await {
                 // In the restored backup it may still wait for its name: it has the same id.
                 Err(StoreError::NotFound { .. }) => self.0.waiting_recordings().discard(&service, parse(id)?).await,

@@ -25,7 +25,8 @@ pub(super) const SELECT_OLD_VIDEOS: &str = "
                                 WHEN own.reason IS NOT NULL OR $2 = 0 THEN own.months
                                 WHEN own.months = 0 THEN $2
                                 ELSE min(own.months, $2) END
-        FROM trainee LEFT JOIN trainee_retention AS own ON own.trainee_id = trainee.id)
+        FROM trainee LEFT JOIN merged_trainee AS merged ON merged.trainee_id = trainee.id
+        LEFT JOIN trainee_retention AS own ON own.trainee_id = coalesce(merged.kept_id, trainee.id))
     SELECT DISTINCT blob.hash, blob.bytes
     FROM session CROSS JOIN blob ON blob.hash = session.video JOIN kept ON kept.trainee_id = session.trainee_id
     WHERE session.created_at_ms < $1 - 2629800000 * (SELECT min(any_kept.months) FROM kept AS any_kept

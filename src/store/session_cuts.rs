@@ -67,12 +67,15 @@ const SELECT_CUTTABLE: &str = "
 /// Trainee, tracker, file, its bytes, and whether it was deleted.
 type CuttableRow = (TraineeId, Option<TrackerName>, BlobHash, i64, bool);
 
-/// The second part arrived with the first one, and was recorded when it begins.
+/// The second part arrived with the first one, and was recorded when it begins: `$3` ms after the whole recording began.
 const INSERT_PART: &str = "
     INSERT INTO session (id, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms, recorded_at_source,
                          created_at_ms, tracker, path_hash, date_known, supervision, supervised_by, supervised_at_ms, is_part,
                          cut_of)
-    SELECT $2, trainee_id, task_id, box_id, filename, media_type, video, recorded_at_ms + $3, recorded_at_source,
+    SELECT $2, trainee_id, task_id, box_id, filename, media_type, video,
+           recorded_at_ms + $3 - coalesce((SELECT CAST(at_s * 1000 AS INTEGER) FROM session_cut
+                                           WHERE second_id = session.id AND joined_at_ms IS NULL), 0),
+           recorded_at_source,
            created_at_ms, tracker, path_hash, date_known, supervision, supervised_by, supervised_at_ms, 1,
            coalesce(cut_of, id)
     FROM session WHERE id = $1";
@@ -84,13 +87,15 @@ const INSERT_CUT: &str = "
 const SELECT_CUT: &str = "
     SELECT first_id, second_id, first_edit_id, joined_at_ms IS NOT NULL FROM session_cut WHERE id = $1";
 
-/// What was built on the second part `$2` of cut `$1` since, or whether it is filed elsewhere than the first.
+/// What was built on the second part `$2` of cut `$1` since, or whether its first part was cut again.
 const SELECT_HAS_GROWN: &str = "
     SELECT EXISTS (SELECT 1 FROM rating WHERE session_id = $2)
         OR EXISTS (SELECT 1 FROM comment WHERE session_id = $2)
         OR EXISTS (SELECT 1 FROM error_sheet WHERE session_id = $2)
         OR EXISTS (SELECT 1 FROM session_move WHERE session_id = $2)
         OR EXISTS (SELECT 1 FROM session_cut WHERE first_id = $2 AND joined_at_ms IS NULL)
+        OR EXISTS (SELECT 1 FROM session_cut AS later JOIN session_cut AS cut ON cut.id = $1
+                   WHERE later.first_id = cut.first_id AND later.joined_at_ms IS NULL AND later.id > cut.id)
         OR EXISTS (SELECT 1 FROM session_edit JOIN session_cut AS cut ON cut.id = $1
                    WHERE session_edit.session_id = $2
                      AND (session_edit.created_at_ms > cut.created_at_ms OR session_edit.undone_at_ms > cut.created_at_ms))";
@@ -101,8 +106,12 @@ const SELECT_IS_ELSEWHERE: &str = "
 
 const JOIN_PARTS: &str = "UPDATE session_cut SET joined_by = $2, joined_at_ms = $3 WHERE id = $1";
 
+/// Also a trim that the second part got from the first one when it was cut.
 const SELECT_IS_CUT: &str = "
-    SELECT EXISTS (SELECT 1 FROM session_cut WHERE $1 IN (first_edit_id, second_edit_id) AND joined_at_ms IS NULL)";
+    SELECT EXISTS (SELECT 1 FROM session_cut WHERE $1 IN (first_edit_id, second_edit_id) AND joined_at_ms IS NULL)
+        OR EXISTS (SELECT 1 FROM session_edit AS edit
+                   JOIN session_cut AS cut ON cut.second_id = edit.session_id AND cut.joined_at_ms IS NULL
+                   WHERE edit.id = $1 AND edit.kind = 'trim' AND edit.created_at_ms <= cut.created_at_ms)";
 
 impl SessionCutStore<'_> {
     /// The cuts that a session is a part of, oldest first.
@@ -140,9 +149,11 @@ impl SessionCutStore<'_> {
                 insert.execute(&mut *tx).await?;
                 skill_models::withdraw_of_session(tx, session, now_ms).await?;
                 edits::copy_in_force(tx, [session, second], now_ms).await?;
-                let first_edit = (session, EditChange::Trim([0.0, at_s]), why.clone());
+                // Trainees see the reasons of edits, but not that of a cut: it may name others.
+                let unsaid = Remark::from_stored("–".to_owned());
+                let first_edit = (session, EditChange::Trim([0.0, at_s]), unsaid.clone());
                 let first_edit = edits::add_trim(tx, (&by, now_ms, attempts), first_edit, basis).await?;
-                let second_edit = (second, EditChange::Trim([at_s, end_s]), why.clone());
+                let second_edit = (second, EditChange::Trim([at_s, end_s]), unsaid);
                 let second_edit = edits::insert_trim(tx, (&by, now_ms), second_edit).await?;
                 let insert = sqlx::query(INSERT_CUT).bind(id).bind(session).bind(second).bind(first_edit);
                 let insert = insert.bind(second_edit).bind(at_s).bind(by.person()).bind(why).bind(now_ms);
@@ -238,8 +249,8 @@ async fn refuse_unjoinable(tx: &mut SqliteConnection, cut: CutId, [first, second
     }
     if sqlx::query_scalar(SELECT_HAS_GROWN).bind(cut).bind(second).fetch_one(tx).await? {
         return Err(StoreError::refused(
-            "the second part has ratings, comments, error sheets, edits, moves or cuts of its own, which would be lost: \
-             leave the recording cut, or undo and delete them first",
+            "a part was cut again, or the second part has ratings, comments, error sheets, edits or moves of its own, \
+             which would be lost: leave the recording cut, or undo and delete them first",
         ));
     }
     Ok(())

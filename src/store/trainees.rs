@@ -10,11 +10,12 @@ use super::record_merges::{give_back_trainee, trainees_merged_into};
 use super::retention::forget_box_jobs_of_trainee;
 use super::tokens::withdraw_tokens;
 use super::visibility::{BindScope, SELECT_AUDIENCE, TraineeAudience, require_staff};
-use super::{Scope, Store, codes, skill_models};
+use super::{Scope, Store, certificates, codes, skill_models};
+use crate::domain::certificate::CertificateEventKind;
 use crate::domain::role::Role;
 use crate::domain::text::{Code, Key, Name};
 use crate::domain::trainee::{Handedness, Level, NewTrainee, TraineeChange};
-use crate::ids::{GroupId, PersonId, TraineeId};
+use crate::ids::{GroupId, PersonId, SessionId, TraineeId};
 
 /// Access to the trainees.
 pub struct TraineeStore<'s>(pub(super) &'s Store);
@@ -98,6 +99,8 @@ const DELETE_TRAINEE: &str = "DELETE FROM trainee WHERE id = $1";
 
 const INSERT_TRAINEE: &str = "
     INSERT INTO trainee (id, code, name, level, handedness, created_at_ms) VALUES ($1, $2, $3, $4, $5, $6)";
+
+const SELECT_SESSIONS_OF_TRAINEE: &str = "SELECT id FROM session WHERE trainee_id = $1";
 
 const SELECT_TAUGHT_GROUPS: &str = "SELECT group_id FROM group_instructor WHERE person_id = $1";
 
@@ -199,6 +202,15 @@ impl TraineeStore<'_> {
             })
             .await
     }
+
+    /// Erases a trainee's record again, in a restored backup.
+    pub(super) async fn erase_again(&self, id: TraineeId) -> StoreResult<()> {
+        let id = self.0.pending_erasures().erasable(&Scope::service(), &Key::from(&id)).await?;
+        let now_ms = self.0.now_ms();
+        let erased =
+            || async move |tx: &mut sqlx::SqliteConnection| erase_again(tx, &Scope::service(), now_ms, id).await;
+        self.0.write_with_delete_reserve(erased).await
+    }
 }
 
 /// Erases a trainee with the records that were merged into theirs, as [`TraineeStore::erase`] does.
@@ -215,9 +227,26 @@ pub(super) async fn erase(
     erase_record(tx, scope, now_ms, id).await
 }
 
+/// Erases a trainee's record alone, again in a restored backup. A record that is merged into it there is separated: its own
+/// erasure is on the list, unless the two were separated before this one.
+pub(super) async fn erase_again(
+    tx: &mut sqlx::SqliteConnection,
+    scope: &Scope,
+    now_ms: i64,
+    id: TraineeId,
+) -> StoreResult<()> {
+    for merged in trainees_merged_into(tx, id).await? {
+        give_back_trainee(tx, merged, now_ms).await?;
+    }
+    give_back_trainee(tx, id, now_ms).await?;
+    erase_record(tx, scope, now_ms, id).await
+}
+
 async fn erase_record(tx: &mut sqlx::SqliteConnection, scope: &Scope, now_ms: i64, id: TraineeId) -> StoreResult<()> {
     skill_models::withdraw(tx, id, now_ms).await?;
     forget_box_jobs_of_trainee(tx, id).await?;
+    let sessions: Vec<SessionId> = sqlx::query_scalar(SELECT_SESSIONS_OF_TRAINEE).bind(id).fetch_all(&mut *tx).await?;
+    certificates::mark(tx, scope, &sessions, CertificateEventKind::SessionErased, now_ms).await?;
     let account: Option<PersonId> =
         sqlx::query_scalar(SELECT_ACCOUNT_OF_TRAINEE).bind(id).fetch_optional(&mut *tx).await?;
     if let Some(account) = account {

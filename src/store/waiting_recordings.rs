@@ -240,18 +240,29 @@ const SELECT_OF_TRAINEE: &str = "
     ORDER BY waiting.id";
 
 /// The names of all trainees (also for the service without those who wait for their erasure), tasks and boxes that a
-/// caller may give to a recording; at most `$3` of each kind, by code.
+/// caller may give to a recording; at most `$3` of each kind, by code. The code of a merged record leads to the kept one.
 const SELECT_PROPOSABLE_TRAINEES: &str = "
     SELECT id, name, code FROM trainee
     WHERE ($1 = 'administrator'
            OR id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND id NOT IN (SELECT trainee_id FROM hidden_trainee)
+    UNION ALL
+    SELECT merged.kept_id, trainee.code, trainee.code
+    FROM merged_trainee AS merged JOIN trainee ON trainee.id = merged.trainee_id
+    WHERE ($1 = 'administrator'
+           OR merged.kept_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND merged.kept_id NOT IN (SELECT trainee_id FROM hidden_trainee)
     ORDER BY code LIMIT $3";
 
 const SELECT_PROPOSABLE_TASKS: &str = "SELECT id, name, code FROM task WHERE $1 <> 'agent' ORDER BY code LIMIT $3";
 
-const SELECT_PROPOSABLE_BOXES: &str =
-    "SELECT id, name, code FROM training_box WHERE $1 <> 'agent' ORDER BY code LIMIT $3";
+const SELECT_PROPOSABLE_BOXES: &str = "
+    SELECT id, name, code FROM training_box
+    WHERE $1 <> 'agent' AND id NOT IN (SELECT box_id FROM merged_box)
+    UNION ALL
+    SELECT merged.kept_id, training_box.code, training_box.code
+    FROM merged_box AS merged JOIN training_box ON training_box.id = merged.box_id WHERE $1 <> 'agent'
+    ORDER BY code LIMIT $3";
 
 const COUNT_ALL: &str = "SELECT count(*) FROM waiting_recording";
 

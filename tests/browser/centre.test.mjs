@@ -494,6 +494,7 @@ test('two records of one person are merged after a look at the effect, and separ
   await takePictures('31-merge-effect');
   await dialog.getByLabel('Why?').fill('Registered again after her wedding.');
   await dialog.getByRole('button', { name: 'Merge', exact: true }).click();
+  await dialog.waitFor({ state: 'detached' });
   await card.getByText(`${twin} (${other.code})`).waitFor();
   assert.ok(!(await names()).includes(twin));
   await takePictures('32-merged');

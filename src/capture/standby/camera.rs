@@ -176,15 +176,15 @@ impl CameraKeeper {
         }
     }
 
-    /// The camera is open. A recording cannot go on with other pictures.
+    /// The camera is open; it counts as there with its first frame. A recording cannot go on with other pictures.
     async fn opened(&self, info: SourceInfo) {
         let lost = {
             let mut view = self.view();
             let is_other = view.info.as_ref().is_some_and(|before| *before != info);
             *view = KeptCamera {
                 info: Some(info),
-                is_open: true,
                 opened: Some(Instant::now()),
+                missing: view.missing.take(),
                 recording: view.recording.take(),
                 light: view.light,
                 ..KeptCamera::default()
@@ -219,6 +219,7 @@ impl CameraKeeper {
         let recording = {
             let mut view = self.view();
             let now = Instant::now();
+            (view.is_open, view.missing) = (true, None);
             view.arrivals.push_back(now);
             while view.arrivals.front().is_some_and(|arrived| now - *arrived > RATE_WINDOW) {
                 view.arrivals.pop_front();

@@ -114,10 +114,17 @@ impl Standby {
                     tracing::warn!(expires_at, "the token expires soon: make another and put it into the token file");
                 }
                 tracing::info!(box_name, "standing by");
-                let mut facts = self.facts();
-                (facts.box_name, facts.light_reference) = (box_name, Some(light_reference));
-                facts.is_connected = true;
-                facts.trouble.clear();
+                let unconfirmed = {
+                    let mut facts = self.facts();
+                    (facts.box_name, facts.light_reference) = (box_name, Some(light_reference));
+                    facts.is_connected = true;
+                    facts.trouble.clear();
+                    let left = facts.left.map(|_| AgentMessage::CheckOut);
+                    left.into_iter().chain(facts.chosen.map(|task| AgentMessage::Task { task })).collect::<Vec<_>>()
+                };
+                for message in unconfirmed {
+                    send(sink, &message).await?;
+                }
             }
             ToAgent::Time { sent_at_ms, server_ms } => {
                 let clock = ClockState::of_exchange(sent_at_ms, server_ms, self.parts().clock.now_ms());
@@ -136,6 +143,21 @@ impl Standby {
             ToAgent::CheckedIn { by } => {
                 let mut facts = self.facts();
                 let trainee = |checked_in: &CheckedIn| checked_in.trainee.id;
+                if by.is_some() && by.as_deref().map(trainee) == facts.left {
+                    return Ok(()); // not yet confirmed
+                }
+                facts.left = None;
+                let chosen =
+                    facts.chosen.filter(|_| by.as_deref().map(trainee) == facts.checked_in.as_ref().map(trainee));
+                let unconfirmed = chosen.filter(|chosen| {
+                    by.as_deref().and_then(|by| by.task.as_ref()).is_none_or(|task| task.id != *chosen)
+                });
+                facts.chosen = unconfirmed;
+                let by = by.map(|mut by| {
+                    let kept = by.tasks.iter().find(|task| Some(task.id) == unconfirmed).cloned();
+                    by.task = kept.or(by.task.take());
+                    by
+                });
                 if by.as_deref().map(trainee) != facts.checked_in.as_ref().map(trainee) {
                     facts.active = Some(Instant::now());
                 }

@@ -37,6 +37,7 @@ use super::Agent;
 use super::connection::Server;
 use crate::domain::box_agent::messages::{AgentMessage, CheckInRefusal, CheckedIn, NamedTask};
 use crate::domain::box_agent::state::{AgentState, ClockState, RecordingState, SpoolState};
+use crate::ids::{TaskId, TraineeId};
 use crate::shutdown::Shutdown;
 use crate::time::SharedClock;
 
@@ -94,6 +95,10 @@ struct Facts {
     clock: Option<ClockState>,
     check_in_address: Option<String>,
     checked_in: Option<CheckedIn>,
+    /// Who left the box, until the server has confirmed it.
+    left: Option<TraineeId>,
+    /// The task that was chosen here, until the server has confirmed it.
+    chosen: Option<TaskId>,
     /// When something last happened that keeps the check-in.
     active: Option<Instant>,
     refusal: Option<(CheckInRefusal, u64)>,
@@ -229,8 +234,12 @@ impl Standby {
 
     /// The trainee leaves the box.
     pub fn check_out(&self) {
-        self.facts().checked_in = None;
-        let _ = self.0.outbox.try_send(AgentMessage::CheckOut); // without a connection the server ends it by itself
+        {
+            let mut facts = self.facts();
+            facts.left = facts.checked_in.take().map(|checked_in| checked_in.trainee.id).or(facts.left);
+            facts.chosen = None;
+        }
+        let _ = self.0.outbox.try_send(AgentMessage::CheckOut); // without a connection it is sent with the next one
         self.note_change();
     }
 
@@ -242,10 +251,11 @@ impl Standby {
             let Some(checked_in) = &mut facts.checked_in else { return false };
             let task: Option<NamedTask> = checked_in.tasks.iter().find(|task| task.id.to_string() == id).cloned();
             checked_in.task = task.clone().or(checked_in.task.take());
+            facts.chosen = task.as_ref().map(|task| task.id).or(facts.chosen);
             task
         };
         let Some(task) = chosen else { return false };
-        let _ = self.0.outbox.try_send(AgentMessage::Task { task: task.id }); // kept here without a connection
+        let _ = self.0.outbox.try_send(AgentMessage::Task { task: task.id }); // without a connection it is sent with the next one
         self.note_change();
         true
     }

@@ -156,6 +156,7 @@ impl Standby {
                 let _ = timeout(LOOK_INTERVAL, self.0.spool_changed.notified()).await;
                 continue;
             };
+            let was_live = agent.spool().live() == Some(id);
             tokio::select! {
                 outcome = send(agent, &self.parts().server, id) => match outcome {
                     SendOutcome::Complete(session) => {
@@ -167,6 +168,13 @@ impl Standby {
                         refused.insert(id, Instant::now());
                         self.facts().refused_recording = Some(why);
                         self.end_refused(id);
+                        // The server had ended the recording, and does not take the rest, for example since the person
+                        // has withdrawn the consent.
+                        let live = agent.spool().live();
+                        if let Some(rest) = live.filter(|live| was_live && *live != id) {
+                            refused.insert(rest, Instant::now());
+                            self.end_running(id);
+                        }
                     }
                 },
                 () = self.another_is_live(id) => {}
@@ -179,6 +187,13 @@ impl Standby {
     fn end_refused(&self, id: FeedId) {
         let was_welcome = self.parts().agent.accepted().borrow().is_some_and(|(accepted, _)| accepted == id);
         if let Some(running) = self.running().as_ref().filter(|running| running.id == id && !was_welcome) {
+            running.ending.begin();
+        }
+    }
+
+    /// Ends the recording that runs and began with this id.
+    fn end_running(&self, id: FeedId) {
+        if let Some(running) = self.running().as_ref().filter(|running| running.id == id) {
             running.ending.begin();
         }
     }

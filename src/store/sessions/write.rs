@@ -21,13 +21,12 @@ use crate::ids::{BoxId, JobId, PersonId, ResultId, SessionId, TaskId, TraineeId}
 pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id = $1";
 
 /// The same recording of a record that was merged into the trainee's: hidden, and erased with the session.
-const DELETE_TWINS: &str = "
-    DELETE FROM session WHERE id IN
-        (SELECT twin.id FROM session AS kept
-         JOIN merged_trainee AS merged ON merged.kept_id = kept.trainee_id
-         JOIN session AS twin ON twin.trainee_id = merged.trainee_id AND twin.task_id = kept.task_id
-              AND (twin.box_id = kept.box_id AND twin.video = kept.video OR twin.path_hash = kept.path_hash)
-         WHERE kept.id = $1)";
+const SELECT_TWINS: &str = "
+    SELECT twin.id FROM session AS kept
+    JOIN merged_trainee AS merged ON merged.kept_id = kept.trainee_id
+    JOIN session AS twin ON twin.trainee_id = merged.trainee_id AND twin.task_id = kept.task_id
+         AND (twin.box_id = kept.box_id AND twin.video = kept.video OR twin.path_hash = kept.path_hash)
+    WHERE kept.id = $1";
 
 const DELETE_ARRIVING_SESSION: &str = "DELETE FROM session WHERE id = $1 AND video IS NULL";
 
@@ -167,8 +166,8 @@ impl SessionStore<'_> {
                 async move |tx| {
                     skill_models::withdraw_of_session(tx, id, now_ms).await?;
                     forget_box_jobs_of_session(tx, id).await?;
+                    erase_twins(tx, &scope, id, now_ms).await?;
                     certificates::mark(tx, &scope, &[id], CertificateEventKind::SessionErased, now_ms).await?;
-                    sqlx::query(DELETE_TWINS).bind(id).execute(&mut *tx).await?;
                     let delete = if is_arriving { DELETE_ARRIVING_SESSION } else { DELETE_SESSION };
                     let deleted = sqlx::query(delete).bind(id).execute(&mut *tx).await?;
                     if deleted.rows_affected() == 0 {
@@ -179,6 +178,20 @@ impl SessionStore<'_> {
             })
             .await
     }
+}
+
+/// Erases the same recording of records that are merged into the trainee's. An erasure that is repeated in a restored
+/// backup names each of them itself: there, the records may be merged that were separated before the erasure.
+async fn erase_twins(tx: &mut SqliteConnection, scope: &Scope, id: SessionId, now_ms: i64) -> StoreResult<()> {
+    if scope.is_service() {
+        return Ok(());
+    }
+    let twins: Vec<SessionId> = sqlx::query_scalar(SELECT_TWINS).bind(id).fetch_all(&mut *tx).await?;
+    certificates::mark(tx, scope, &twins, CertificateEventKind::SessionErased, now_ms).await?;
+    for twin in twins {
+        sqlx::query(DELETE_SESSION).bind(twin).execute(&mut *tx).await?;
+    }
+    Ok(())
 }
 
 /// Inserts a session and queues its tracking, if its box is ready.

@@ -14,7 +14,7 @@ const PAGE = 20;
 export function AccessEntries({ trainee, isOwn }) {
   const { items, next, problem, busy, more } = usePages((cursor, signal) => api.trainees.accessEntries(trainee, { limit: PAGE, cursor }, signal), [trainee]);
   return html`
-    <section class="card wide list">
+    <section class="card wide list unprinted">
       <header><h2>${isOwn ? words.ownTitle : words.title}</h2></header>
       <p class="body small muted">${words.body}</p>
       <${ProblemNotice} problem=${problem} onRetry=${more} />

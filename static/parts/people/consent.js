@@ -59,7 +59,7 @@ export function ConsentCard({ trainee, isOwn, mayEdit }) {
   const record = decision => api.trainees.recordConsent(trainee, decision).then(() => (setRefusal(null), reload()));
   const decide = decision => record({ decision, text: data?.texts[0].id }).catch(error => setRefusal(asProblem(error)));
   return html`
-    <section class="card consent" id="consent">
+    <section class="card consent unprinted" id="consent">
       <header><h2>${words.title}</h2>${data && html`<${ConsentPill} state=${data.consent.state} />`}</header>
       <div class="body stack">
         <${ProblemNotice} problem=${problem} onRetry=${reload} />

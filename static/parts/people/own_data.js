@@ -12,7 +12,7 @@ export const DataLinks = ({ trainee }) => html`
 
 /** @param {Props} props */
 export const OwnData = ({ trainee }) => html`
-  <section class="card">
+  <section class="card unprinted">
     <header><h2>${words.title}</h2></header>
     <div class="body stack"><p class="small muted">${words.body}</p><${DataLinks} trainee=${trainee} /></div>
   </section>`;

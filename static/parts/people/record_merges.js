@@ -36,7 +36,7 @@ export function RecordMerges({ kind, record, onChange }) {
     onChange();
   };
   return html`
-    <section class="card record-merges">
+    <section class="card record-merges unprinted">
       <header><h2>${own.title}</h2></header>
       <div class="body stack">
         <p class="small muted">${own.body}</p>

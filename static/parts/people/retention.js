@@ -15,7 +15,7 @@ export function RetentionCard({ trainee, name, mayEdit }) {
   const [editing, setEditing] = useState(false);
   const { data, problem, reload } = useData(signal => api.trainees.retention(trainee, signal), [trainee]);
   return html`
-    <section class="card">
+    <section class="card unprinted">
       <header><h2>${words.title}</h2></header>
       <div class="body stack">
         <${ProblemNotice} problem=${problem} onRetry=${reload} />

@@ -35,7 +35,9 @@ export function Cuts({ session, person, onChange }) {
   const [problem, setProblem] = useState(null);
   const { data, reload } = useData(signal => api.sessions.cuts(session.id, signal), [session.id, session.status]);
   const cuts = data?.items.filter(cut => !cut.joined_at) ?? [];
-  const join = cut => api.sessions.join(session.id, cut.id).then(() => (reload(), onChange(cut)), error => setProblem(asProblem(error)));
+  // The second part is gone once the parts are joined.
+  const afterJoin = cut => (cut.first === session.id && reload(), onChange(cut));
+  const join = cut => api.sessions.join(session.id, cut.id).then(() => afterJoin(cut), error => setProblem(asProblem(error)));
   return html`
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
     ${cuts.map(cut => {
