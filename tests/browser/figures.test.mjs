@@ -113,7 +113,8 @@ const cells = locator =>
 const featureCells = () =>
   page.locator('.fourth table').evaluateAll(tables => tables.flatMap(table => {
     const own = node => [...node.childNodes].filter(child => child.nodeType === 3).map(child => child.textContent).join('').trim();
-    const columns = [...table.tHead.rows[0].cells].slice(1, -1).map(cell => cell.textContent.trim());
+    const columns = [...table.tHead.rows[0].cells].slice(1, -1)
+      .map(cell => /\((.+)\)$/.exec(cell.textContent)?.[1] ?? cell.textContent.trim()); // The head names hand and tool.
     return [...table.querySelectorAll('tbody tr')].filter(row => row.cells.length === columns.length + 2).flatMap(row =>
       columns.map((column, at) => {
         const cell = row.cells[at + 1];
@@ -359,7 +360,7 @@ async function figuresOfTask() {
 }
 
 async function figuresOfBoxes() {
-  const rows = new Map((await cells(page.locator('table'))).map(row => [row[0], row[1]]));
+  const rows = new Map((await cells(page.locator('table'))).map(row => [row[0], row[2]]));
   const boxes = (await getAll('boxes')).filter(box => box.calibration);
   return boxes.map(box => [box.name, rows.get(box.name), Number.isFinite(box.calibration.rms_px) ? `RMS ${threeDigits(box.calibration.rms_px)} px` : 'Given as a file']);
 }
