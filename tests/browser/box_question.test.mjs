@@ -95,7 +95,7 @@ test('a recording that is older than the set-up of its box says so, until the ve
   await page.route(address, async route => {
     const response = await route.fetch();
     const json = await response.json();
-    json.setup.calibration.is_later = json.setup.calibration.valid_from > json.recorded_at;
+    json.setup.calibration.is_later = Date.parse(json.setup.calibration.valid_from) > Date.parse(json.recorded_at);
     await route.fulfill({ response, json });
   });
   await page.goto(`${url}/sessions/${id}`);
