@@ -14,8 +14,13 @@ let wanted = null;
 let state = 'closed';
 let pollTimer = null;
 let hasMissed = false;
+/** The newest counts of the queue: a stream sends them when it begins, maybe before a page asks for them. */
+let queueCounts = null;
 
-const emit = (name, detail = null) => hub.dispatchEvent(new CustomEvent(name, { detail }));
+function emit(name, detail = null) {
+  if (name === 'queue') queueCounts = detail;
+  hub.dispatchEvent(new CustomEvent(name, { detail }));
+}
 
 function changeState(next) {
   if (state === next) return;
@@ -46,6 +51,7 @@ function follow() {
 function unfollow() {
   stream?.leave();
   stream = null;
+  queueCounts = null;
   clearInterval(pollTimer);
   pollTimer = null;
   changeState('closed');
@@ -100,4 +106,11 @@ export function useLiveState() {
   const [now, setNow] = useState(state);
   useLive('state', setNow);
   return now;
+}
+
+/** The service's own counts of the queue, kept up to date; null while none has arrived. */
+export function useQueueCounts() {
+  const [counts, setCounts] = useState(queueCounts);
+  useLive('queue', setCounts);
+  return counts;
 }

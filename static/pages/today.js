@@ -3,7 +3,7 @@ import { html, useState } from '../preact.js';
 import { api } from '../api.js';
 import { useData, useThrottled } from '../data.js';
 import { dateTime } from '../format.js';
-import { useLive, useLiveState } from '../live.js';
+import { useLive, useLiveState, useQueueCounts } from '../live.js';
 import { may } from '../roles.js';
 import { href } from '../router.js';
 import { t } from '../texts.js';
@@ -74,8 +74,7 @@ function Overview({ person, hiddenGuide }) {
   const { data, problem, reload } = useData(load, []);
   const [progress, setProgress] = useState({});
   const [announcement, setAnnouncement] = useState('');
-  // The service's own counts, which include sessions beyond the first page.
-  const [serviceCounts, setServiceCounts] = useState(null);
+  const [queueCounts, liveState] = [useQueueCounts(), useLiveState()];
   const reloadSoon = useThrottled(reload, 700);
   const scored = useScored();
   const trainee = traineeId(person);
@@ -90,10 +89,7 @@ function Overview({ person, hiddenGuide }) {
     reload();
     if (!own.data) own.reload(); // Once loaded, the courses reload by themselves.
   });
-  useLive('queue', counts => {
-    setServiceCounts(counts);
-    reloadSoon();
-  });
+  useLive('queue', reloadSoon);
   useLive('session', event => {
     setProgress(before => ({ ...before, [event.id]: event }));
     const known = data?.moving.find(session => session.id === event.id);
@@ -109,7 +105,9 @@ function Overview({ person, hiddenGuide }) {
       ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
   const moving = data.moving.map(session => ({ ...session, ...progress[session.id] })).filter(isMoving);
   const count = status => moving.filter(session => session.status === status).length;
-  const shownCounts = may(person, 'retry') ? serviceCounts : null; // Trainees see only their own recordings.
+  // The service's own counts include sessions beyond the first page. Without its events, the sessions shown are counted.
+  const isFollowed = ['connecting', 'open'].includes(liveState);
+  const shownCounts = queueCounts ?? (isFollowed ? { queued: '…', running: '…' } : { queued: count('queued'), running: count('tracking') });
   const failed = [{ problem, reload }, scored, own].find(one => one.problem);
   const mayUpload = may(person, 'upload') || may(person, 'upload_own');
   return html`
@@ -124,8 +122,8 @@ function Overview({ person, hiddenGuide }) {
     ${trainee && own.data && html`<div class="stack own-courses"><${OwnCourses} trainee=${trainee} first=${own.data.courses} brief /></div>`}
     ${trainee && html`<${TraineeHome} person=${person} session=${scored.items?.[0]} />`}
     ${!trainee && html`<dl class="figures">
-      <${Figure} name=${words.queued} value=${shownCounts?.queued ?? count('queued')} />
-      <${Figure} name=${words.running} value=${shownCounts?.running ?? count('tracking')} />
+      <${Figure} name=${words.queued} value=${shownCounts.queued} />
+      <${Figure} name=${words.running} value=${shownCounts.running} />
       <${Figure} name=${words.finished} value=${scored.count} />
       <${Figure} name=${words.attention} value=${`${data.failed.length}${data.moreFailed ? '+' : ''}`} />
     </dl>`}
