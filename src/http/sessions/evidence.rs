@@ -49,7 +49,7 @@ const REFUSED: NoAdvice =
     NoAdvice { reason: "refused", detail: "The quality check refused this session, so there is no advice on it." };
 const NO_STANDARD: NoAdvice = NoAdvice {
     reason: "no_standard",
-    detail: "The task has no standard yet. Advice compares a session with the standard's limits: set a standard first.",
+    detail: "No standard of the task counts for this session. Advice compares a session with a standard's limits.",
 };
 const NO_EVIDENCE: NoAdvice = NoAdvice {
     reason: "no_evidence",

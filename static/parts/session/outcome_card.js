@@ -59,7 +59,7 @@ function Card({ session, outcome, limited, rows }) {
         </table>
       </div>
       ${session.unknown_hand ? html`<p class="small muted keys">${words.unknownHand}</p>`
-        : !limited.length && html`<p class="small muted keys">${words.noStandard}</p>`}
+        : !limited.length && !session.set_aside && html`<p class="small muted keys">${last.standard?.valid_from ? words.earlier(date(last.standard.valid_from)) : words.noStandard}</p>`}
     </section>`;
 }
 
@@ -101,7 +101,10 @@ const isOfSameHand = (series, one) =>
   one.target?.in_hand ? series.in_hand === one.target.in_hand
     : (series.tool ?? null) === one.tool && (series.in_hand === null || series.in_hand === one.in_hand) && (one.tool !== null) === (series.tool !== null || series.in_hand !== null);
 
-/** The trainee's session of the task before this one that counts: when it was recorded, and its value of a feature. */
+/**
+ * The trainee's session of the task before this one that counts: when it was recorded, and its value of a feature; with
+ * the task's standard of today.
+ */
 function useLastTime(session) {
   const { current: data } = useData(
     signal => api.trainees.progress(session.trainee.id, { task: session.task.id }, signal).catch(() => null),
@@ -115,5 +118,5 @@ function useLastTime(session) {
     const { value = null, low = null, high = null, is_lower_bound = false } = point || {};
     return value === null ? '–' : inUnit(pointText({ value, low, high, is_lower_bound }), one);
   };
-  return { at: before?.recorded_at, text };
+  return { at: before?.recorded_at, text, standard: data?.standard };
 }
