@@ -63,8 +63,9 @@ export function CameraOff({ camera: { fault, isOpening, turnOn } }) {
         <${fault ? icons.warning : icons.camera} size=${36} />
         <strong>${isOpening ? words.opening : title}</strong>
         ${!isOpening && html`<p>${body}</p>`}
-        ${again && !isOpening && html`<p><button class="button main" type="button" onClick=${turnOn}>
-          ${again}</button></p>`}
+        ${!isOpening && html`<p class="row">
+          ${again && html`<button class="button main" type="button" onClick=${turnOn}>${again}</button>`}
+          ${fault && html`<a class="button" href=${href(['upload'])}>${t.today.upload}</a>`}</p>`}
       </div>
     </div>`;
 }
