@@ -38,7 +38,7 @@ export default function UploadPage({ person, route }) {
       ${items.length ? html`<${UploadList} items=${items} namesOf=${target.namesOf} />`
         : html`<${Empty} title=${words.none} body=${words.noneBody} />`}
     </section>
-    ${may(person, 'see_trainees') && html`<p class="small"><a href=${href(['waiting'])}>${t.waiting.fromUpload}</a></p>`}
+    ${may(person, 'see_trainees') && html`<p class="small stack after"><a href=${href(['waiting'])}>${t.waiting.fromUpload}</a></p>`}
     ${target.lists && may(person, 'upload') && html`<${ImportTable} target=${target} />`}`;
 }
 
