@@ -37,8 +37,10 @@ export function TokenStep({ box, person, onChange }) {
 function Made({ box, token }) {
   const file = `${box.code}.token`;
   const keep = `(umask 077; echo ${token} > ${file})`;
-  const run = `trocar agent --server ${location.origin}${basePath} --box ${box.code} --token-file ${file}`;
-  const record = `${run} --trainee ${words.trainee} --task ${words.task} /dev/video0`;
+  const from = `--server ${location.origin}${basePath} --box ${box.code} --token-file ${file}`;
+  const size = box.calibration ? ` --option video_size=${box.calibration.width}x${box.calibration.height}` : '';
+  const install = `sudo trocar agent install ${from} --screen 8090${size} /dev/video0`;
+  const record = `trocar agent ${from} --trainee ${words.trainee} --task ${words.task} /dev/video0`;
   return html`
     <h3 id="token-made" tabindex="-1">${words.made}</h3>
     <${Notice} tone="warn" title=${words.once}>${words.onceBody}<//>
@@ -46,11 +48,14 @@ function Made({ box, token }) {
       <div class="stack">
         <${CopyLine} name=${words.secret} text=${token} />
         <${CopyLine} name=${words.keep} text=${keep} />
-        <${CopyLine} name=${words.run} text=${record} />
-        <p class="small muted">${words.runBody}</p>
+        <${CopyLine} name=${words.install} text=${install} />
+        <p class="small muted">${words.installBody}</p>
+        <details class="how"><summary>${words.run}</summary>
+          <${CopyLine} name=${words.run} text=${record} />
+          <p class="small muted">${words.runBody}</p></details>
       </div>
       <figure class="stack tight">
-        <${QrCode} text=${`${keep}\n${record}\n`} name=${words.code} />
+        <${QrCode} text=${`${keep}\n${install}\n`} name=${words.code} />
         <figcaption class="small muted">${words.codeBody}</figcaption>
       </figure>
     </div>`;

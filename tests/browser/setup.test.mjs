@@ -253,9 +253,11 @@ test('the token of the box is shown once, with the command that uses it and a QR
   await secret.waitFor();
   const token = await secret.innerText();
   assert.match(token, /^trc_/);
-  const run = await page.locator('.secret').last().innerText();
-  const { code } = await getJson(`boxes/${box}`);
-  assert.ok(run.startsWith(`trocar agent --server ${url} --box ${code} --token-file ${code}.token`), run);
+  const [, , install, record] = await page.locator('.secret').allInnerTexts();
+  const { code, calibration: { width, height } } = await getJson(`boxes/${box}`);
+  const from = `--server ${url} --box ${code} --token-file ${code}.token`;
+  assert.equal(install, `sudo trocar agent install ${from} --screen 8090 --option video_size=${width}x${height} /dev/video0`);
+  assert.ok(record.startsWith(`trocar agent ${from} --trainee `), record);
   assert.ok((await page.locator('.qr path').getAttribute('d')).length > 1000, 'the QR code is drawn');
   await checkStep('7-token');
   await goTo('Self-test');

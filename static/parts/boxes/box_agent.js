@@ -68,6 +68,7 @@ export function AgentCard({ box, person }) {
         <${ProblemNotice} problem=${problem} onRetry=${reload} />
         ${agent && !problem && (agent.presence === 'live' ? html`<${LiveAgent} box=${box} agent=${agent} person=${person} onChange=${reload} />`
           : html`<p>${agent.presence === 'never' ? words.neverBody : words.silentBody}</p>`)}
+        ${agent?.presence === 'never' && may(person, 'people') && html`<p><a class="button" href=${href(['boxes', box.id, 'setup'], { step: 'agent' })}>${words.install}</a></p>`}
       </div>
     </section>`;
 }
