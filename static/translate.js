@@ -1,11 +1,12 @@
 // The service answers in English and gives each text a code. These functions return a text in the page's language, by
 // its code. A text without a code, or without a translation of its code, stays English; `lang` then marks a problem's
 // detail and a self-test's part. The reasons for a missing position are in `session.reasons` of both languages.
+import { INVALID_VALUES } from './invalid_values.js';
 import { serviceLang, t } from './texts.js';
 
 const PROBLEM = '/problems/';
 
-/** English has no translations, because the service speaks it. @type {Record<string, any>} */
+/** English has few translations, because the service speaks it. @type {Record<string, any>} */
 const translations = t.said;
 
 const translationOf = (kind, code) => translations[kind]?.[code];
@@ -108,9 +109,9 @@ export function selfTestAdvice({ advice, advice_name: name }) {
  * @param {{ message: string }} error
  */
 export function fieldErrorText({ message }) {
-  for (const [pattern, words] of translations.invalid ?? []) {
+  for (const [name, pattern] of INVALID_VALUES) {
     const found = message.match(pattern);
-    if (found) return { text: words(...found.slice(1)), lang: undefined };
+    if (found) return { text: translations.invalid[name](...found.slice(1)), lang: undefined };
   }
   return { text: message, lang: serviceLang };
 }
@@ -130,7 +131,7 @@ export function problemDetail(problem) {
 
 /** All that is wrong with the values of a request, if every sentence has a translation. */
 function invalidDetail(problem) {
-  if (!translations.invalid || problemCode(problem) !== 'invalid' || !problem.errors?.length) return undefined;
+  if (problemCode(problem) !== 'invalid' || !problem.errors?.length) return undefined;
   const texts = problem.errors.map(fieldErrorText);
   return texts.every(({ lang }) => lang === undefined) ? [...new Set(texts.map(({ text }) => text))].join(' ') : undefined;
 }

@@ -5,7 +5,8 @@ import { api } from '../api.js';
 import { decodeFile, parseRows } from '../csv.js';
 import { asProblem, useData } from '../data.js';
 import { href } from '../router.js';
-import { serviceLang, t } from '../texts.js';
+import { t } from '../texts.js';
+import { fieldErrorText } from '../translate.js';
 import { Field } from '../parts/forms/form.js';
 import { Announce, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { MadeInvitations } from '../parts/people/invitations.js';
@@ -153,13 +154,19 @@ function CheckResult({ checked, busy, onEnrol }) {
 /** What the service makes of an empty cell. */
 const madeOf = (field, invite) => (field === 'code' ? words.made : field === 'login' && invite ? words.madeOfCode : '–');
 
+/** What is wrong with a cell. @param {Props} props */
+function CellError({ error }) {
+  const { text, lang } = fieldErrorText(error);
+  return html`<span lang=${lang}>${text}</span>`;
+}
+
 const Row = ({ number, row, isNew, invite, problems }) => html`
   <tr class=${problems.length ? 'wrong' : ''}>
     <th scope="row" class="short">${number}</th>
     ${FIELDS.map(field => html`<td key=${field} class=${row[field] ? '' : 'muted'}>
       ${wordsOf(field, row[field]) || madeOf(field, invite)}${field === 'group' && isNew && html` <span class="pill">${words.willBeMade}</span>`}</td>`)}
     <td>${problems.length ? html`<ul class="row-problems">${problems.map(problem => html`<li key=${problem.field}>
-      ${words.columns[problem.field]}: <span lang=${serviceLang}>${problem.message}</span></li>`)}</ul>` : words.fine}</td>
+      ${words.columns[problem.field]}: <${CellError} error=${problem} /></li>`)}</ul>` : words.fine}</td>
   </tr>`;
 
 /** @param {{ outcome: Schemas['EnrolmentOutcome'] }} props */

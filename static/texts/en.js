@@ -1,6 +1,8 @@
 // All texts of the pages in English. Entries that depend on a value are functions. Other languages have the same keys.
 const MODES = { exposureMode: 'exposure', whiteBalanceMode: 'white balance' };
 const plural = (n, one, many) => `${n} ${n === 1 ? one : many}`;
+/** The choices of a sentence of the service, separated by commas. */
+const choicesOf = choices => choices.replaceAll('`', '').split(/[ ,]+/).join(', ');
 const SIDES = { left: 'left', right: 'right', top: 'upper', bottom: 'lower' };
 const sides = edges => `${list(edges.map(edge => SIDES[edge]))} ${edges.length > 1 ? 'edges' : 'edge'}`;
 const list = items => (items.length < 2 ? items.join() : `${items.slice(0, -1).join(', ')} and ${items[items.length - 1]}`);
@@ -3151,6 +3153,47 @@ export default {
     notYoursBody: 'Administrators and the instructors of its groups may. Ask one of them.',
   },
   units: { none: '' },
-  // What the service says, by code. Empty here, because the service speaks English.
-  said: {},
+  // What the service says, by code. The service speaks English: only its sentences for programs are reworded here.
+  said: {
+    /** What is wrong with the value of a field; invalid_values.js has the service's sentences. */
+    invalid: {
+      characters: (length, min, max) => (length === '0' ? 'Please fill this in.' : `It has ${length} characters; ${min} to ${max} are allowed.`),
+      too_many_characters: (length, max) => `It has ${length} characters; at most ${max} are allowed.`,
+      bytes: (length, min, max) => `It has ${length} characters (letters with accents count twice); ${min} to ${max} are allowed.`,
+      too_alike: n => `It has fewer than ${n} different characters.`,
+      words: (_, max) => `Search for at most ${max} words.`,
+      invisible_character: () => 'It contains an invisible character. Type it instead of pasting it.',
+      nothing_visible: () => 'It has no visible character.',
+      sign_in_name: () => 'Only lower-case letters a–z without accents, digits and . _ - @ + are allowed, without spaces.',
+      code: () => 'Only lower-case letters a–z without accents, digits and dashes are allowed.',
+      like_an_id: () => 'It looks like an id of the service; choose a name that can be spoken.',
+      empty_text: () => 'Please write something.',
+      wrong_password: () => 'The password is wrong.',
+      same_password: () => 'This is the password that you are asked to change. Choose another one.',
+      in_the_future: () => 'This time lies in the future. Set the clock of the camera or of this device, or leave the time out.',
+      before_1970: () => 'This time lies before 1970. Set the clock of the camera, or leave the time out.',
+      not_a_time: () => 'This is no point in time.',
+      far_day: () => 'The day has to lie within ten years of today.',
+      not_a_time_of_day: () => 'Enter a time such as 02:30.',
+      frame_rate: (value, min, max) => `${value} frames a second are not possible; ${min} to ${max} are allowed.`,
+      seconds: (value, min, max) => `${value} s are not possible; ${min} to ${max} s are allowed.`,
+      share: value => `It is ${value}; a share between 0 and 1 is needed.`,
+      number: (value, min, max) => `It is ${value}; ${min} to ${max} are allowed.`,
+      too_many: (value, max) => `There are ${value}; at most ${max} are allowed.`,
+      number_from_to: (min, max) => `A number from ${min} to ${max} is allowed.`,
+      length_mm: max => `A length above 0 and up to ${max} mm is allowed.`,
+      inner_corners: () => 'Enter the inner corners as COLUMNSxROWS, each 3 to 50, for example 9x6.',
+      one_photo: () => 'Choose exactly one photo of the checkerboard.',
+      no_photos: () => 'Choose photos of the checkerboard from several sides, or a video of it.',
+      too_little_left: () => 'Too little would be left.',
+      end_before_start: () => 'The end has to come after the beginning.',
+      outside: () => 'This lies outside the recording.',
+      no_person: () => 'Choose who the person is for this role; for other roles the field stays empty.',
+      empty_file: () => 'This file is empty.',
+      not_text: () => 'This file is no text file (UTF-8).',
+      missing: () => 'This value is missing.',
+      not_a_choice: choices => (choices ? `Write one of these: ${choicesOf(choices)}.` : 'This value is not among the choices.'),
+      wrong_form: () => 'This value does not have the expected form.',
+    },
+  },
 };

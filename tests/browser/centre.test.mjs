@@ -40,7 +40,7 @@ test('a group is enrolled from a table, after its wrong row is corrected', async
   await page.getByLabel('Or paste the rows').fill(table('beginner'));
   await button('Check the table').click();
   await page.locator('.notice', { hasText: '1 of 2 rows cannot be used' }).waitFor();
-  await page.locator('tr.wrong', { hasText: 'expected one of novice intermediate expert' }).waitFor();
+  await page.locator('tr.wrong', { hasText: 'Write one of these: novice, intermediate, expert.' }).waitFor();
   await page.getByText('these columns are not known: Shoe size').waitFor();
   assert.equal(await button('Enrol 2 people').count(), 0);
   await takePictures('01-enrol-wrong');

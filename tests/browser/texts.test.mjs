@@ -6,6 +6,7 @@ import { test } from 'node:test';
 
 import de from '../../static/texts/de.js';
 import en from '../../static/texts/en.js';
+import { INVALID_VALUES } from '../../static/invalid_values.js';
 
 const source = path => readFileSync(new URL(`../../${path}`, import.meta.url), 'utf8');
 /** The source files of the service and its science, without their tests. */
@@ -97,7 +98,7 @@ const textsOf = (path, value) => (kind(value) === 'function' ? callWithArguments
 
 test('the languages have the same keys, with the same types and parameters', () => {
   assert.deepEqual([...differences(pages, german)], []);
-  assert.deepEqual(Object.keys(theirs), [], 'English needs no texts for codes: the service answers in English');
+  assert.deepEqual(Object.keys(theirs), ['invalid'], 'the service answers in English: only its sentences on values are for programs');
 });
 
 test('no German text equals the English one, except those listed', () => {
@@ -201,10 +202,14 @@ test('what the service says about a field has a German sentence, which is the fi
     ['expected only a–z 0–9 and dashes', /Bindestriche/],
     ['is 50; expected 1 to 30 frames a second', /50 Bilder je Sekunde/],
     ['is 0; expected 1 to 200', /erlaubt sind 1 bis 200/],
+    ['expected one of novice intermediate expert', /: novice, intermediate, expert\.$/],
+    ['unknown variant `x`, expected one of `a`, `b`, `c` at line 1 column 9', /: a, b, c\.$/],
     ['is missing; send the recording', /fehlt/],
     ['missing field `name` at line 1 column 2', /fehlt/],
   ]) {
-    const [pattern, words] = said.invalid.find(([one]) => one.test(message));
-    assert.match(words(...message.match(pattern).slice(1)), expected, message);
+    const [name, pattern] = INVALID_VALUES.find(([, one]) => one.test(message));
+    assert.match(said.invalid[name](...message.match(pattern).slice(1)), expected, message);
   }
+  const names = INVALID_VALUES.map(([name]) => name);
+  for (const texts of [said, theirs]) assert.deepEqual(Object.keys(texts.invalid), names);
 });
