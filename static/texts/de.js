@@ -829,6 +829,7 @@ export default {
       cut: 'Hier teilen',
       cutAt: at => `Bei ${at} teilen`,
       title: 'Diese Aufnahme in zwei Sitzungen teilen',
+      whereFirst: 'Bewegen Sie das Video zuerst an die Stelle zwischen den beiden Versuchen, mit der Leiste darunter oder einem Klick in eine Kurve.',
       does: at => `Diese Sitzung behält den Teil vor ${at}. Für den Rest entsteht eine zweite Sitzung, die neu gemessen wird. Beide zeigen dasselbe Video. Bewertungen und Kommentare bleiben hier. Sie können die Teile wieder verbinden, bis der zweite eigene Bewertungen, Kommentare oder Bearbeitungen hat.`,
       why: 'Warum?',
       whyHint: 'Für Personal, das es später liest: „Zwei Versuche in einer Aufnahme.“',

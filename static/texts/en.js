@@ -684,6 +684,7 @@ export default {
       cut: 'Cut here',
       cutAt: at => `Cut at ${at}`,
       title: 'Cut this recording into two sessions',
+      whereFirst: 'First move the video to the moment between the two attempts, with the bar below it or a click in a curve.',
       does: at => `This session keeps the part before ${at}. A second session is made for the rest, and measured anew. Both show the same video. Ratings and comments stay here. You can join the parts again until the second one has ratings, comments or edits of its own.`,
       why: 'Why?',
       whyHint: 'For staff who read it later: “Two attempts in one recording.”',

@@ -11,6 +11,8 @@ import { Form } from '../forms/form.js';
 import { Notice, ProblemNotice } from '../page/notice.js';
 
 const words = t.session.cuts;
+/** A part that is shorter has no attempt in it, seconds: the video still stands at its beginning or end. */
+const MIN_PART_S = 1;
 
 /** The button cuts where the video stands. `onCut()` runs after the cut. @param {Props} props */
 export function CutButton({ session, playback, onCut }) {
@@ -25,8 +27,9 @@ export function CutButton({ session, playback, onCut }) {
     <button class="button" type="button" onClick=${() => setAt(playback.time)}>${words.cut}</button>
     ${at !== null && html`
       <${Dialog} title=${words.title} onClose=${() => setAt(null)}>
-        <p>${words.does(clock(at, 2))}</p>
-        <${Form} fields=${[why]} submit=${words.cutAt(clock(at, 2))} onSave=${cut} onCancel=${() => setAt(null)} />
+        ${at < MIN_PART_S || at > (session.video?.duration_s ?? Infinity) - MIN_PART_S ? html`<p>${words.whereFirst}</p>`
+          : html`<p>${words.does(clock(at, 2))}</p>
+            <${Form} fields=${[why]} submit=${words.cutAt(clock(at, 2))} onSave=${cut} onCancel=${() => setAt(null)} />`}
       <//>`}`;
 }
 
@@ -45,7 +48,7 @@ export function Cuts({ session, person, onChange }) {
       const other = isFirst ? cut.second : cut.first;
       return html`<${Notice} key=${cut.id} title=${isFirst ? words.isFirst(clock(cut.at_s, 2)) : words.isSecond(clock(cut.at_s, 2))}>
         ${cut.why && html`<span class="said">${cut.why}</span> `}<span class="small muted">${cut.who ?? t.session.edits.gone}, ${dateTime(cut.created_at)}</span>
-        ${other && html` <a href=${href(['sessions', other])}>${isFirst ? words.toSecond : words.toFirst}</a>`}
+        ${other && html` <a href=${href(['sessions', other], isFirst ? { t: String(cut.at_s) } : {})}>${isFirst ? words.toSecond : words.toFirst}</a>`}
         ${other && may(person, 'edit_sessions') && html` <button class="button" type="button" onClick=${() => join(cut)}>${words.join}</button>`}<//>`;
     })}`;
 }
