@@ -11,7 +11,7 @@ named! {
     MergedPart: "part" {
         /// Sessions.
         Sessions = "sessions",
-        /// Recordings that are being uploaded.
+        /// Uploads, for as long as the service remembers them.
         Uploads = "uploads",
         /// Memberships in groups; of a box, the groups that may change it.
         Groups = "groups",
@@ -21,7 +21,7 @@ named! {
         Consents = "consents",
         /// For how long videos are kept.
         Retention = "retention",
-        /// Entries about who looked at recordings, of whole exports.
+        /// Entries about who looked at whole exports, or at sessions that were deleted.
         AccessEntries = "access_entries",
         /// What staff dismissed from their lists.
         Dismissals = "dismissals",
