@@ -101,16 +101,23 @@ export function useLive(name, handler) {
   }, [name]);
 }
 
-/** `'connecting' | 'open' | 'polling' | 'closed'`, kept up to date. */
-export function useLiveState() {
-  const [now, setNow] = useState(state);
-  useLive('state', setNow);
-  return now;
+/**
+ * A value of this module and its changes. It may change between the first render and the subscription to its changes,
+ * so it is read once more after that.
+ *
+ * @template V
+ * @param {'state' | 'queue'} name
+ * @param {() => V} read
+ */
+function useKept(name, read) {
+  const [value, setValue] = useState(read);
+  useLive(name, () => setValue(read));
+  useEffect(() => setValue(read), [name]);
+  return value;
 }
 
+/** `'connecting' | 'open' | 'polling' | 'closed'`, kept up to date. */
+export const useLiveState = () => useKept('state', () => state);
+
 /** The service's own counts of the queue, kept up to date; null while none has arrived. */
-export function useQueueCounts() {
-  const [counts, setCounts] = useState(queueCounts);
-  useLive('queue', setCounts);
-  return counts;
-}
+export const useQueueCounts = () => useKept('queue', () => queueCounts);
