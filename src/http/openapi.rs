@@ -66,13 +66,36 @@ pub fn complete_operations(document: &mut OpenApi, base: &BasePath) {
     components.add_security_scheme("cookie", SecurityScheme::ApiKey(ApiKey::Cookie(cookie)));
     components.add_security_scheme("token", SecurityScheme::Http(Http::new(HttpAuthScheme::Bearer)));
     for (path, item) in &mut document.paths.paths {
-        operations(item).into_iter().flatten().for_each(|operation| complete_operation(operation, path));
+        for (method, operation) in operations(item) {
+            if let Some(operation) = operation {
+                operation.operation_id = Some(operation_id(method, path));
+                complete_operation(operation, path);
+            }
+        }
     }
 }
 
-fn operations(item: &mut PathItem) -> [Option<&mut Operation>; 7] {
+/// The operations of a path, with the methods in lower case.
+fn operations(item: &mut PathItem) -> [(&'static str, Option<&mut Operation>); 7] {
     let PathItem { get, put, post, patch, delete, head, options, .. } = item;
-    [get, put, post, patch, delete, head, options].map(Option::as_mut)
+    [
+        ("get", get),
+        ("put", put),
+        ("post", post),
+        ("patch", patch),
+        ("delete", delete),
+        ("head", head),
+        ("options", options),
+    ]
+    .map(|(method, operation)| (method, operation.as_mut()))
+}
+
+/// The id that generators of clients make names of, such as `get_sessions_id_video`. Handlers of different
+/// resources share their names; method and path identify an operation.
+fn operation_id(method: &str, path: &str) -> String {
+    let path = path.strip_prefix("/api/v1").unwrap_or(path);
+    let words = path.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    std::iter::once(method).chain(words).collect::<Vec<_>>().join("_")
 }
 
 fn complete_operation(operation: &mut Operation, path: &str) {

@@ -11,7 +11,7 @@ import { Form } from '../forms/form.js';
 import { Notice, ProblemNotice } from '../page/notice.js';
 
 const words = t.session.cuts;
-/** A part that is shorter has no attempt in it, seconds: the video still stands at its beginning or end. */
+/** A shorter part has no attempt in it, seconds: the video is still at its beginning, or at its end. */
 const MIN_PART_S = 1;
 
 /** The button cuts where the video stands. `onCut()` runs after the cut. @param {Props} props */

@@ -40,8 +40,11 @@ async fn the_description_names_every_route_of_the_contract() {
 async fn every_operation_describes_its_problems_and_who_may_ask() {
     let service = Service::start().await;
     let document = service.stranger().read("/api/v1/openapi.json").await;
+    let mut ids = BTreeSet::new();
     for (path, method, operation) in operations(&document) {
         let what = format!("{method} {path}");
+        let id = operation["operationId"].as_str().unwrap_or_else(|| panic!("{what} has no id"));
+        assert!(ids.insert(id.to_owned()), "{what}: another operation has the id {id}");
         assert!(operation["summary"].as_str().is_some_and(|s| !s.is_empty()), "{what} has no summary");
         let responses = operation["responses"].as_object().unwrap();
         assert!(responses.keys().any(|status| status.starts_with('2') || status == "101"), "{what} has no success");
