@@ -13,6 +13,7 @@
 //! | [`close_reason`] | why a connection was closed |
 //! | [`early_end`] | why a recording ended early |
 //! | [`start`] | when a recording began |
+//! | [`playable`] | the frames that can be decoded and shown |
 //! | [`arrival`] | how fast a stream arrived, against its stamps |
 
 pub mod arrival;
@@ -20,6 +21,7 @@ pub mod close_reason;
 pub mod early_end;
 pub mod messages;
 pub mod numbers;
+pub mod playable;
 pub mod record;
 pub mod start;
 
