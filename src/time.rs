@@ -32,6 +32,12 @@ pub trait Clock: fmt::Debug + Send + Sync {
     /// measure durations.
     fn monotonic_ms(&self) -> i64;
 
+    /// Milliseconds since the machine was started, or another fixed moment. As [`Clock::monotonic_ms`], but it also counts
+    /// the time during which the machine sleeps.
+    fn since_boot_ms(&self) -> i64 {
+        self.monotonic_ms()
+    }
+
     /// Waits until this much time has passed on this clock.
     fn sleep(&self, duration: Duration) -> Sleep;
 }
@@ -50,6 +56,11 @@ impl Clock for SystemClock {
     fn monotonic_ms(&self) -> i64 {
         static BEGAN: LazyLock<Instant> = LazyLock::new(Instant::now);
         millis(BEGAN.elapsed())
+    }
+
+    fn since_boot_ms(&self) -> i64 {
+        let now = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
+        now.tv_sec.saturating_mul(1000).saturating_add(now.tv_nsec / 1_000_000)
     }
 
     fn sleep(&self, duration: Duration) -> Sleep {

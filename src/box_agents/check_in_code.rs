@@ -18,7 +18,7 @@ const CODE_LENGTH: usize = 12;
 
 /// A code for checking in at a box.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct CheckInCode(String);
+pub(super) struct CheckInCode(String);
 
 impl CheckInCode {
     fn random() -> Self {
@@ -27,7 +27,7 @@ impl CheckInCode {
     }
 
     /// The code as text.
-    pub fn as_str(&self) -> &str {
+    pub(super) fn as_str(&self) -> &str {
         &self.0
     }
 }

@@ -11,7 +11,7 @@
 mod check_in_code;
 mod pin_attempts;
 
-pub use check_in_code::{CheckInCode, RENEWAL_INTERVAL};
+pub use check_in_code::RENEWAL_INTERVAL;
 pub use pin_attempts::PinAttempts;
 
 use std::collections::HashMap;
@@ -27,7 +27,7 @@ use crate::domain::box_agent::messages::{NamedTask, NamedTrainee, StartCommand, 
 use crate::domain::box_agent::state::AgentState;
 use crate::domain::box_agent::{CHECK_IN_IDLE, SILENT_AFTER};
 use crate::domain::scope::Scope;
-use crate::ids::{BoxId, FeedId, SessionId};
+use crate::ids::{BoxId, FeedId, SessionId, TraineeId};
 use crate::time::{SharedClock, millis};
 
 /// Messages that may wait for an agent. One that does not read them is disconnected.
@@ -63,6 +63,8 @@ struct BoxEntry {
     heard: Option<(i64, i64)>,
     check_in: Option<CheckIn>,
     codes: CheckInCodes,
+    /// The address that a code is added to.
+    check_in_page: String,
     /// Commands without an answer.
     waiting: HashMap<u64, oneshot::Sender<Result<(), String>>>,
 }
@@ -127,8 +129,8 @@ pub enum CommandError {
 /// A command to an agent.
 #[derive(Clone, Debug)]
 pub enum AgentCommand {
-    /// Start a recording of this trainee doing this task.
-    Start(FeedId, NamedTrainee, NamedTask),
+    /// Start a recording of this trainee doing this task; without a trainee it waits for a name.
+    Start(FeedId, Option<NamedTrainee>, Option<NamedTask>),
     /// End the recording.
     Stop,
 }
@@ -145,8 +147,9 @@ impl BoxAgents {
         &self.0.pin_attempts
     }
 
-    /// An agent has connected. An earlier connection of the box ends.
-    pub fn connect(&self, of: BoxId, program: String) -> AgentConnection {
+    /// An agent has connected. An earlier connection of the box ends. `check_in_page`: the address that a code for checking
+    /// in is added to.
+    pub fn connect(&self, of: BoxId, program: String, check_in_page: String) -> AgentConnection {
         let (sender, inbox) = mpsc::channel(MAX_WAITING);
         let now = self.now();
         let mut registry = self.lock();
@@ -155,6 +158,8 @@ impl BoxAgents {
         let entry = registry.agents.entry(of).or_default();
         entry.waiting.clear(); // commands that went to the earlier connection
         (entry.link, entry.program, entry.heard) = (Some(AgentLink { number, sender }), program, Some(now));
+        // What the agent reported on its earlier connection may not be true any more.
+        (entry.check_in_page, entry.state) = (check_in_page, None);
         AgentConnection { agents: self.clone(), of, number, inbox }
     }
 
@@ -170,6 +175,14 @@ impl BoxAgents {
             state: entry.state.clone(),
             check_in: entry.check_in.clone().filter(|check_in| !check_in.is_idle(now_ms)),
         }
+    }
+
+    /// True if a box is known to record.
+    pub fn is_recording(&self, of: BoxId) -> bool {
+        let now_ms = self.0.clock.monotonic_ms();
+        let registry = self.lock();
+        let entry = registry.agents.get(&of).filter(|entry| entry.is_online(now_ms));
+        entry.and_then(|entry| entry.state.as_ref()).is_some_and(|state| state.recording.is_some())
     }
 
     /// Sends a command and waits for the answer.
@@ -211,16 +224,24 @@ impl BoxAgents {
         }
     }
 
-    /// Makes a code for checking in at a box.
-    pub fn new_check_in_code(&self, of: BoxId) -> CheckInCode {
+    /// Lets a box show another code for checking in.
+    pub fn renew_check_in_code(&self, of: BoxId) {
         let now_ms = self.0.clock.monotonic_ms();
-        self.lock().agents.entry(of).or_default().codes.add(now_ms)
+        if let Some(entry) = self.lock().agents.get_mut(&of) {
+            entry.renew_code(now_ms);
+        }
     }
 
-    /// Uses up a code that a box shows. False if it is none, or too old.
+    /// Uses up a code that a box shows; the box shows the next one. False if it is none, or too old.
     pub fn use_check_in_code(&self, of: BoxId, code: &str) -> bool {
         let now_ms = self.0.clock.monotonic_ms();
-        self.lock().agents.get_mut(&of).is_some_and(|entry| entry.codes.use_up(code, now_ms))
+        let mut registry = self.lock();
+        let Some(entry) = registry.agents.get_mut(&of) else { return false };
+        let is_valid = entry.codes.use_up(code, now_ms);
+        if is_valid {
+            entry.renew_code(now_ms);
+        }
+        is_valid
     }
 
     /// Checks a trainee in at a box. Another one is checked out.
@@ -228,6 +249,19 @@ impl BoxAgents {
         let (active_ms, since_ms) = self.now();
         let check_in = CheckIn { trainee, scope, task, last: None, since_ms, active_ms };
         self.lock().agents.entry(of).or_default().check_in = Some(check_in);
+    }
+
+    /// The trainees who are checked in, each with the box and the scope of the check-in.
+    pub fn check_ins(&self) -> Vec<(BoxId, CheckIn)> {
+        let of_one = |(of, entry): (&BoxId, &BoxEntry)| Some((*of, entry.check_in.clone()?));
+        self.lock().agents.iter().filter_map(of_one).collect()
+    }
+
+    /// Ends the check-in of this trainee at a box, unless another one has checked in meanwhile. True if it has ended.
+    pub fn end_check_in(&self, of: BoxId, trainee: TraineeId) -> bool {
+        let mut registry = self.lock();
+        let check_in = registry.agents.get_mut(&of).map(|entry| &mut entry.check_in);
+        check_in.and_then(|check_in| check_in.take_if(|check_in| check_in.trainee.id == trainee)).is_some()
     }
 
     /// Ends the check-in at a box. Returns it.
@@ -274,6 +308,11 @@ impl BoxEntry {
         is_sent
     }
 
+    fn renew_code(&mut self, now_ms: i64) {
+        let code = self.codes.add(now_ms);
+        self.send(ToAgent::CheckInAddress { address: format!("{}#{}", self.check_in_page, code.as_str()) });
+    }
+
     /// Ends a check-in without activity. Returns true if it ended.
     fn end_idle_check_in(&mut self, now_ms: i64) -> bool {
         self.check_in.take_if(|check_in| check_in.is_idle(now_ms)).is_some()
@@ -303,7 +342,7 @@ impl AgentConnection {
             return false;
         };
         if let (Some(check_in), Some(recording)) = (&mut entry.check_in, &state.recording)
-            && check_in.trainee.id == recording.trainee
+            && recording.trainee == Some(check_in.trainee.id)
         {
             check_in.active_ms = now.0;
         }

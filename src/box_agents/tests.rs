@@ -2,7 +2,7 @@ use std::sync::LazyLock;
 
 use super::*;
 use crate::domain::box_agent::state::RecordingState;
-use crate::ids::{PersonId, TaskId, TraineeId};
+use crate::ids::{PersonId, TaskId};
 use crate::time::ManualClock;
 
 static BOX: LazyLock<BoxId> = LazyLock::new(|| BoxId::at(1));
@@ -16,7 +16,7 @@ fn ada() -> (NamedTrainee, Scope) {
 async fn a_command_is_answered_by_the_agent_and_fails_at_once_without_one() {
     let agents = BoxAgents::new(ManualClock::at(0));
     assert_eq!(agents.command(*BOX, AgentCommand::Stop).await, Err(CommandError::Silent));
-    let mut connection = agents.connect(*BOX, "agent 1".to_owned());
+    let mut connection = agents.connect(*BOX, "agent 1".to_owned(), String::new());
     let asking = {
         let agents = agents.clone();
         tokio::spawn(async move { agents.command(*BOX, AgentCommand::Stop).await })
@@ -32,7 +32,7 @@ async fn a_box_is_silent_after_seven_seconds_and_when_its_connection_ends() {
     let clock = ManualClock::at(1_000_000);
     let agents = BoxAgents::new(clock.clone());
     assert!(!agents.view(*BOX).is_online);
-    let connection = agents.connect(*BOX, String::new());
+    let connection = agents.connect(*BOX, String::new(), String::new());
     connection.heard(AgentState::default());
     clock.advance(SILENT_AFTER);
     assert!(agents.view(*BOX).is_online);
@@ -48,8 +48,8 @@ async fn a_box_is_silent_after_seven_seconds_and_when_its_connection_ends() {
 #[tokio::test]
 async fn an_old_connection_changes_nothing_after_a_new_one() {
     let agents = BoxAgents::new(ManualClock::at(0));
-    let mut old = agents.connect(*BOX, String::new());
-    let new = agents.connect(*BOX, String::new());
+    let mut old = agents.connect(*BOX, String::new(), String::new());
+    let new = agents.connect(*BOX, String::new(), String::new());
     assert_eq!(old.next().await, None, "it is to close");
     let camera = crate::domain::box_agent::state::BoxCameraState { is_open: true, ..Default::default() };
     old.heard(AgentState { camera, ..AgentState::default() });
@@ -63,14 +63,14 @@ async fn an_old_connection_changes_nothing_after_a_new_one() {
 async fn a_check_in_ends_without_a_recording_and_stays_during_one() {
     let clock = ManualClock::at(0);
     let agents = BoxAgents::new(clock.clone());
-    let connection = agents.connect(*BOX, String::new());
+    let connection = agents.connect(*BOX, String::new(), String::new());
     let (trainee, scope) = ada();
     agents.check_in(*BOX, trainee.clone(), scope, None);
     let session = SessionId::at(9);
     let recording = RecordingState {
         recording: FeedId::at(1),
-        trainee: trainee.id,
-        task: TaskId::at(2),
+        trainee: Some(trainee.id),
+        task: Some(TaskId::at(2)),
         session: Some(session),
         recorded_s: 1.0,
         frames: 25,
@@ -86,4 +86,32 @@ async fn a_check_in_ends_without_a_recording_and_stays_during_one() {
     clock.advance(CHECK_IN_IDLE);
     assert!(connection.heard(AgentState::default()));
     assert!(agents.view(*BOX).check_in.is_none());
+}
+
+#[tokio::test]
+async fn a_used_code_is_replaced_at_once() {
+    let agents = BoxAgents::new(ManualClock::at(0));
+    let mut connection = agents.connect(*BOX, String::new(), "https://trocar.example/check-in?box=1".to_owned());
+    agents.renew_check_in_code(*BOX);
+    let mut shown = async || match connection.next().await {
+        Some(ToAgent::CheckInAddress { address }) => address.split_once('#').unwrap().1.to_owned(),
+        other => panic!("{other:?}"),
+    };
+    let first = shown().await;
+    assert!(!agents.use_check_in_code(*BOX, "other"));
+    assert!(agents.use_check_in_code(*BOX, &first));
+    let second = shown().await;
+    assert_ne!(first, second);
+    assert!(!agents.use_check_in_code(*BOX, &first) && agents.use_check_in_code(*BOX, &second));
+}
+
+#[test]
+fn only_the_check_in_of_the_named_trainee_ends() {
+    let agents = BoxAgents::new(ManualClock::at(0));
+    let (trainee, scope) = ada();
+    agents.check_in(*BOX, trainee.clone(), scope, None);
+    assert!(!agents.end_check_in(*BOX, TraineeId::at(99)));
+    assert_eq!(agents.check_ins().len(), 1);
+    assert!(agents.end_check_in(*BOX, trainee.id));
+    assert!(agents.check_ins().is_empty() && !agents.end_check_in(*BOX, trainee.id));
 }

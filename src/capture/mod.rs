@@ -14,6 +14,7 @@
 //! | [`source`] | the frames of a source, over its interruptions |
 //! | [`recorder`] | frames into the spool as they arrive, with numbers |
 //! | [`spool`] | recordings on the disk |
+//! | [`recording_file`] | a recording of the spool as a file |
 //! | [`send_order`] | what is sent next |
 //! | [`connection`] | one connection to the server |
 //! | [`sender`] | connections until the recording is complete |
@@ -23,6 +24,7 @@
 pub mod connection;
 pub mod controls;
 pub mod recorder;
+pub mod recording_file;
 pub mod send_order;
 pub mod sender;
 pub mod source;
@@ -49,6 +51,8 @@ struct AgentShared {
     changed: Notify,
     /// The last recording that the server accepted, and its session.
     accepted: watch::Sender<Option<(FeedId, SessionId)>>,
+    /// Held while a file is written: a sender that was interrupted leaves its writer running.
+    writing_file: Mutex<()>,
 }
 
 impl Agent {
@@ -56,7 +60,7 @@ impl Agent {
     pub fn new(spool: Spool) -> Self {
         let (spool, status) = (Mutex::new(spool), Mutex::new(Status::default()));
         let accepted = watch::Sender::new(None);
-        Self(Arc::new(AgentShared { spool, status, changed: Notify::new(), accepted }))
+        Self(Arc::new(AgentShared { spool, status, changed: Notify::new(), accepted, writing_file: Mutex::default() }))
     }
 
     /// The spool. Hold the lock for one operation, never across an await.

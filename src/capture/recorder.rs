@@ -24,6 +24,9 @@ const MIN_GAP_S: f64 = 0.5;
 /// until then is away.
 const END_PATIENCE: Duration = Duration::from_secs(1);
 
+/// How long nothing may arrive after the end of a recording was requested, until all that was captured before is there.
+const DRAIN_PATIENCE: Duration = Duration::from_millis(50);
+
 /// How a recording is made.
 #[derive(Clone, Copy, Debug)]
 pub struct RecordingRules {
@@ -35,6 +38,8 @@ pub struct RecordingRules {
     pub time_base: TimeBase,
     /// When the first frame arrived, if it was kept from before the start.
     pub first_arrived: Option<Instant>,
+    /// True if the camera's automatic controls are held again after each interruption.
+    pub holds_controls: bool,
 }
 
 /// A recording that has ended.
@@ -47,7 +52,7 @@ pub struct EndedRecording {
 }
 
 /// Appends frames to the live recording until the source ends or is lost, the time is over (even while the source
-/// is away) or `ending` begins.
+/// is away) or `ending` begins. Frames that were captured before `ending` began and wait for a slow disk are appended too.
 pub async fn record(
     agent: &Agent,
     mut source: impl FrameSource,
@@ -60,14 +65,16 @@ pub async fn record(
     let (mut number, mut source_lost) = (0, None);
     let mut sync = interval(SYNC_INTERVAL);
     let mut syncing = BackgroundSync::default();
+    let mut drain: Option<Drain> = None;
     loop {
         // A file that is read slowly has its planned end by its own times.
         let ends_by_clock = timeline.has_begun && !source.info().has_end;
         let event = tokio::select! {
             biased;
-            () = ending.begun() => break,
+            () = ending.begun(), if drain.is_none() => { drain = Some(Drain::begin()); continue; }
             _ = sync.tick() => { syncing.begin(agent); continue; }
             event = source.next() => event,
+            () = sleep_until(drain.map_or(timeline.began, |drain| drain.until)), if drain.is_some() => break,
             () = sleep_until(timeline.began + planned + END_PATIENCE), if ends_by_clock => {
                 tracing::warn!(seconds, number, "the recording has reached its length while the source was away");
                 break;
@@ -75,9 +82,10 @@ pub async fn record(
         };
         let frame = match event {
             SourceEvent::Frame(frame) => timeline.place(frame),
+            SourceEvent::Resumed(_) if drain.is_some() => break,
             SourceEvent::Resumed(frame) => {
                 tracing::info!(number, "the source is back; the recording continues after a gap");
-                if source.info().is_camera {
+                if source.info().is_camera && !rules.holds_controls {
                     tracing::warn!(
                         "a camera that was unplugged may have its automatic exposure and white balance on again"
                     );
@@ -95,6 +103,9 @@ pub async fn record(
                 break;
             }
         };
+        if drain.as_mut().is_some_and(|drain| !drain.takes(&frame, timeline.began)) {
+            break;
+        }
         if frame.due_s >= seconds || number >= MAX_FRAMES {
             tracing::info!(seconds, number, "the recording has reached its length");
             break;
@@ -118,6 +129,27 @@ pub async fn record(
     agent.sync().await;
     agent.notify_changed();
     EndedRecording { frames: number, source_lost }
+}
+
+/// The end of a recording was requested: what was captured before is still appended.
+#[derive(Clone, Copy)]
+struct Drain {
+    requested: Instant,
+    /// From when on nothing more is expected.
+    until: Instant,
+}
+
+impl Drain {
+    fn begin() -> Self {
+        let now = Instant::now();
+        Self { requested: now, until: now + DRAIN_PATIENCE }
+    }
+
+    /// True if the frame was captured before the end was requested.
+    fn takes(&mut self, frame: &CapturedFrame, began: Instant) -> bool {
+        self.until = Instant::now() + DRAIN_PATIENCE;
+        frame.due_s <= self.requested.saturating_duration_since(began).as_secs_f64()
+    }
 }
 
 fn end_live(agent: &Agent, source_lost: Option<&str>) {
@@ -208,9 +240,57 @@ fn append(agent: &Agent, record: &FeedRecord<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::capture::spool::testing;
+    use crate::media::SourceInfo;
 
     fn frame(time: i64) -> CapturedFrame {
         CapturedFrame { time, due_s: time as f64 / 1000.0, is_key: true, bytes: vec![1] }
+    }
+
+    /// A camera whose frames wait in a queue.
+    struct QueuedCamera(SourceInfo, tokio::sync::mpsc::Receiver<SourceEvent>);
+
+    impl FrameSource for QueuedCamera {
+        fn info(&self) -> &SourceInfo {
+            &self.0
+        }
+
+        async fn next(&mut self) -> SourceEvent {
+            self.1.recv().await.unwrap_or(SourceEvent::Ended)
+        }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn frames_that_were_captured_before_the_stop_are_recorded_and_later_ones_are_not() {
+        let (_folder, spool, id) = testing::spool(1 << 20);
+        let agent = Agent::new(spool);
+        let info = SourceInfo {
+            codec: crate::domain::feed::FrameCodec::Jpeg,
+            size: (64, 48),
+            time_base: [1, 1000].try_into().unwrap(),
+            coded_from: None,
+            has_end: false,
+            is_file: false,
+            is_camera: true,
+        };
+        let (queue, frames) = tokio::sync::mpsc::channel(400);
+        for number in 0..320 {
+            queue.send(SourceEvent::Frame(frame(40 * number))).await.unwrap(); // 12.8 s at 25 Hz
+        }
+        let first_arrived = Instant::now().checked_sub(Duration::from_secs(12));
+        let rules = RecordingRules {
+            is_paced: false,
+            seconds: None,
+            time_base: info.time_base,
+            first_arrived,
+            holds_controls: true,
+        };
+        let ending = Shutdown::new();
+        ending.begin();
+        let ended = record(&agent, QueuedCamera(info, frames), rules, &ending).await;
+        assert!((300..=302).contains(&ended.frames), "12 s at 25 Hz: {}", ended.frames);
+        assert_eq!(agent.spool().get(id).unwrap().end, ended.frames);
+        drop(queue);
     }
 
     #[test]

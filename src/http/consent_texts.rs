@@ -89,6 +89,7 @@ pub async fn publish(
 ) -> HandlerResult<Created<ConsentTextResponse>> {
     new.check()?;
     let text = app.store.consents().publish(&by.scope, new).await?;
+    app.end_invalid_check_ins().await;
     Ok(Created { location: "/api/v1/consent-texts".to_owned(), made: text.into() })
 }
 
@@ -102,7 +103,9 @@ pub async fn change(
     at: PathKey,
     Json(change): Json<ConsentTextChange>,
 ) -> HandlerResult<Json<ConsentTextResponse>> {
-    Ok(Json(app.store.consents().change_text(&by.scope, at.id()?, change).await?.into()))
+    let text = app.store.consents().change_text(&by.scope, at.id()?, change).await?;
+    app.end_invalid_check_ins().await;
+    Ok(Json(text.into()))
 }
 
 /// Count the trainees that requiring a consent text would touch

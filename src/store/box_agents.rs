@@ -27,6 +27,8 @@ pub enum BoxCommand {
     Start,
     /// End the recording.
     Stop,
+    /// Start a recording without a name.
+    StartUnnamed,
     /// Check a trainee in.
     CheckIn,
     /// Check the trainee out.
@@ -38,6 +40,7 @@ impl BoxCommand {
         match self {
             Self::Start => "start recording",
             Self::Stop => "stop recording",
+            Self::StartUnnamed => "start recording without a name",
             Self::CheckIn => "check in",
             Self::CheckOut => "check out",
         }
@@ -85,5 +88,11 @@ impl BoxAgentStore<'_> {
                 note(tx, &by, now_ms, (command.action(), "trainee"), trainee).await
             })
             .await
+    }
+
+    /// Notes in the audit trail what a box is made to do without a trainee.
+    pub async fn note_unnamed_command(&self, by: &Scope, command: BoxCommand, of: BoxId) -> StoreResult<()> {
+        let (by, now_ms) = (by.clone(), self.0.now_ms());
+        self.0.write(async move |tx| note(tx, &by, now_ms, (command.action(), "box"), of).await).await
     }
 }

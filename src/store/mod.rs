@@ -27,7 +27,7 @@
 //! | [`Store::palettes`] | `in_use` `get` `list` |
 //! | [`Store::box_versions`] | `of_session` `set_calibration_valid_from` `set_palette_valid_from` |
 //! | [`Store::self_tests`] | `list` `light_since` `last_passed` `camera_has_moved` |
-//! | [`Store::box_agents`] | `list` `note_seen` `note_command` |
+//! | [`Store::box_agents`] | `list` `note_seen` `note_command` `note_unnamed_command` |
 //! | [`Store::check_in_pins`] | `own_set_at` `set_at` `set` `remove` `by_code` |
 //! | [`Store::uploads`] | `create` `get` `advance` `set_back` `finish` `delete` `expired` `unfinished` |
 //! | [`Store::feeds`] | `open` `end` `forget` `forget_unfinished` `get` `unfinished` |

@@ -54,7 +54,9 @@ function Screen() {
   const [why, setWhy] = useState(null);
   const pressedAt = useRef(-Infinity);
   const running = state?.state.recording ?? null;
-  const mayStart = Boolean(state?.checked_in?.task && state.state.camera.is_open);
+  const isUnnamed = Boolean(running && running.trainee === null);
+  const hasWho = state?.checked_in ? Boolean(state.checked_in.task) : !state?.requires_check_in;
+  const mayStart = Boolean(hasWho && state?.state.camera.is_open);
   const press = async () => {
     if (!state || performance.now() - pressedAt.current < DOUBLE_PRESS_MS) return;
     pressedAt.current = performance.now();
@@ -82,7 +84,8 @@ function Screen() {
       <${Warnings} state=${state} />
       ${running && html`
         <section class="stack tight" aria-live="polite">
-          <p class="who">${state.recorded}</p><p>${state.recorded_task}</p>
+          <p class="who">${isUnnamed ? words.unnamed : state.recorded}</p>
+          <p>${isUnnamed ? words.unnamedRuns : state.recorded_task}</p>
           <${Elapsed} from=${running.recorded_s} readAt=${state.readAt} />
           <p>${words.frames(number(running.frames))}</p>
         </section>`}
@@ -92,6 +95,12 @@ function Screen() {
       ${(running || state.checked_in) && html`<button class=${`press ${running ? 'stop' : ''}`} type="button"
         disabled=${!running && !mayStart} onClick=${press}>${running ? words.stop : words.start}</button>
         <p class="muted">${words.keyHint(keyName(key))}</p>`}
+      ${!running && !state.checked_in && !state.requires_check_in && html`
+        <section class="stack tight">
+          <p class="row"><button class="button" type="button" disabled=${!mayStart} onClick=${press}>${words.unnamedStart}</button>
+            <span class="muted">${words.keyHint(keyName(key))}</span></p>
+          <p class="muted">${words.unnamedHint}</p>
+        </section>`}
     </main>`;
 }
 
@@ -109,7 +118,8 @@ function Elapsed({ from, readAt }) {
 
 /** @param {Props} props */
 const Warnings = ({ state }) => html`
-  ${!state.is_connected && html`<p class="notice warn"><strong>${words.awayBody}</strong></p>`}
+  ${!state.is_connected && html`<p class="notice warn"><strong>${words.awayBody}</strong>
+    ${state.trouble && html`<span class="small">${state.trouble}</span>`}</p>`}
   ${!state.state.camera.is_open && html`<p class="notice bad" role="alert"><strong>${words.cameraMissing}</strong></p>`}
   ${state.is_clock_wrong && html`<p class="notice warn"><strong>${words.clockWrong}</strong></p>`}`;
 
@@ -149,6 +159,8 @@ function CheckInWays({ state }) {
   return html`
     <section class="stack">
       <p class="who">${words.whoTrains}</p>
+      ${state.check_in_end && html`<p class="notice warn" role="alert"><strong>${words.ends[state.check_in_end]}</strong></p>`}
+      ${state.last_unnamed && html`<p class="notice busy" role="status"><strong>${words.unnamedStates[state.last_unnamed]}</strong></p>`}
       <div class="ways">
         ${state.check_in_address && html`<div class="stack tight"><h2>${words.byPhone}</h2>
           <${QrCode} text=${state.check_in_address} name=${words.byPhone} /><p>${words.byPhoneBody}</p></div>`}

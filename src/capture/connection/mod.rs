@@ -100,19 +100,24 @@ impl Server {
 
     /// Connects, sends a recording, and returns when the connection ends.
     pub async fn run(&self, agent: &Agent, id: FeedId) -> DisconnectOutcome {
-        let recorded_in = agent.spool().get(id).and_then(|recording| recording.in_box.clone());
-        if let Some(other) = recorded_in.filter(|in_box| *in_box != self.in_box) {
-            let why =
-                format!("the recording belongs to the box {other}, but the agent runs for the box {}", self.in_box);
-            return DisconnectOutcome::Refused(format!(
-                "{why}: to send it, start the agent with `--box {other}` and that box's token; if that box has a new \
-                 code, write the new code into `{id}/box` in the spool"
-            ));
+        if let Some(why) = self.why_not_of_this_box(agent, id) {
+            return DisconnectOutcome::Refused(why);
         }
         match self.connect_in_time("feed").await {
             Ok(socket) => FeedConnection { agent, id, progress: Mutex::default() }.run(socket).await,
             Err(outcome) => outcome,
         }
+    }
+
+    /// Why a recording cannot be sent for this box: it was made for another one.
+    pub(super) fn why_not_of_this_box(&self, agent: &Agent, id: FeedId) -> Option<String> {
+        let recorded_in = agent.spool().get(id).and_then(|recording| recording.in_box.clone());
+        let other = recorded_in.filter(|in_box| *in_box != self.in_box)?;
+        let why = format!("the recording belongs to the box {other}, but the agent runs for the box {}", self.in_box);
+        Some(format!(
+            "{why}: to send it, start the agent with `--box {other}` and that box's token; if that box has a new code, \
+             write the new code into `{id}/box` in the spool"
+        ))
     }
 
     /// Connects to a WebSocket of the box, within a limited time.

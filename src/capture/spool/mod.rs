@@ -8,6 +8,7 @@
 //! SPOOL/<recording>/00000007.records   some MB of frames and gaps, with checksums
 //! SPOOL/<recording>/closing        the number of frames was sent to the server
 //! SPOOL/<recording>/source-lost    why the recording ended, if the source was lost
+//! SPOOL/<recording>/recording.mp4  a recording without a name, while it is sent: made from the records, and again if needed
 //! ```
 //! A record is in the spool before it is sent, and on the disk at most half a second later. Acknowledged records are
 //! removed in whole segments. If the spool or the disk is full, the frames of the oldest segment are replaced by a gap.
@@ -137,10 +138,12 @@ impl Spool {
         self.folder.join(id.to_string())
     }
 
-    /// Length of all records, bytes.
+    /// Length of all records and files, bytes.
     pub fn bytes(&self) -> u64 {
-        let segments = self.recordings.values().flat_map(|recording| &recording.segments);
-        segments.map(|segment| segment.bytes).sum()
+        let of_one = |recording: &SpooledRecording| {
+            recording.file_bytes + recording.segments.iter().map(|segment| segment.bytes).sum::<u64>()
+        };
+        self.recordings.values().map(of_one).sum()
     }
 
     /// Appends a record to the live recording. If there is no space, the oldest frames are dropped; if that is not
@@ -171,8 +174,14 @@ impl Spool {
         SEGMENT_BYTES.min(self.max_bytes / MIN_SEGMENTS)
     }
 
-    /// Drops the oldest frames; those of the live recording last, even if the clock was wrong when it began.
+    /// Drops the oldest frames; those of the live recording last, even if the clock was wrong when it began. Files are
+    /// dropped before all frames: they are made again from them.
     fn drop_oldest(&mut self) -> io::Result<bool> {
+        for recording in self.recordings.values_mut() {
+            if recording.remove_file()? {
+                return Ok(true);
+            }
+        }
         for is_live in [false, true] {
             for (id, recording) in &mut self.recordings {
                 if (self.live == Some(*id)) == is_live && recording.drop_oldest()? {
@@ -204,6 +213,16 @@ impl Spool {
     /// Notes that the number of frames is being sent to the server.
     pub fn close(&mut self, id: FeedId) -> io::Result<()> {
         self.recordings.get_mut(&id).map_or(Ok(()), SpooledRecording::close)
+    }
+
+    /// Corrects when a recording began. The server must not have heard of it yet.
+    pub fn set_start(&mut self, id: FeedId, began_at: String) -> io::Result<()> {
+        self.recordings.get_mut(&id).map_or(Ok(()), |recording| recording.set_start(began_at))
+    }
+
+    /// The file of a recording without a name is complete.
+    pub fn finish_file(&mut self, id: FeedId) -> io::Result<()> {
+        self.recordings.get_mut(&id).map_or(Ok(()), SpooledRecording::finish_file)
     }
 
     /// Makes the remaining frames of a recording that the server ended too early another recording.

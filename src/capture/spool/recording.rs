@@ -14,6 +14,9 @@ use crate::domain::feed::record::{FeedRecord, GapReason, RecordBody};
 const HELLO: &str = "hello.json";
 const BOX: &str = "box";
 const SOURCE_LOST: &str = "source-lost";
+/// The file of a recording without a name, and its name until it is complete.
+const FILE: &str = "recording.mp4";
+const UNFINISHED_FILE: &str = "recording.new";
 /// Exists once the number of frames was sent to the server: only then can an ended recording be complete.
 const CLOSING: &str = "closing";
 
@@ -30,6 +33,8 @@ pub struct SpooledRecording {
     pub durable: FrameNumbers,
     /// One more than the largest number so far.
     pub end: u64,
+    /// Length of its file, bytes; 0: there is none.
+    pub(super) file_bytes: u64,
     pub(super) folder: PathBuf,
     pub(super) segments: VecDeque<SpoolSegment>,
     next_serial: u64,
@@ -73,6 +78,8 @@ impl SpooledRecording {
         }
         recording.source_lost = fs::read_to_string(folder.join(SOURCE_LOST)).ok();
         recording.is_closing = folder.join(CLOSING).exists();
+        remove_if_there(&folder.join(UNFINISHED_FILE))?;
+        recording.file_bytes = fs::metadata(folder.join(FILE)).map_or(0, |file| file.len());
         Ok(recording)
     }
 
@@ -83,6 +90,7 @@ impl SpooledRecording {
             source_lost: None,
             durable: FrameNumbers::default(),
             end: 0,
+            file_bytes: 0,
             folder,
             segments: VecDeque::new(),
             next_serial: 0,
@@ -91,6 +99,47 @@ impl SpooledRecording {
             unwritten: None,
             is_closing: false,
         }
+    }
+
+    /// True for a recording without a name: it is sent as a file, and waits for a name on the server.
+    pub fn is_unnamed(&self) -> bool {
+        self.hello.trainee.is_empty()
+    }
+
+    /// Its complete file, if it has been made.
+    pub fn file(&self) -> Option<PathBuf> {
+        (self.file_bytes > 0).then(|| self.folder.join(FILE))
+    }
+
+    /// Where its file is written until it is complete.
+    pub fn unfinished_file(&self) -> PathBuf {
+        self.folder.join(UNFINISHED_FILE)
+    }
+
+    /// Corrects when it began.
+    pub(super) fn set_start(&mut self, began_at: String) -> io::Result<()> {
+        self.hello.began_at = began_at;
+        write_hello(&self.folder, &self.hello)
+    }
+
+    /// The file is complete: it gets its name in one step.
+    pub(super) fn finish_file(&mut self) -> io::Result<()> {
+        let new = self.unfinished_file();
+        File::open(&new)?.sync_all()?;
+        fs::rename(&new, self.folder.join(FILE))?;
+        sync_folder(&self.folder)?;
+        self.file_bytes = fs::metadata(self.folder.join(FILE))?.len();
+        Ok(())
+    }
+
+    /// Removes the file; the records stay. `false` if there is none.
+    pub(super) fn remove_file(&mut self) -> io::Result<bool> {
+        if self.file_bytes == 0 {
+            return Ok(false);
+        }
+        remove_if_there(&self.folder.join(FILE))?;
+        self.file_bytes = 0;
+        Ok(true)
     }
 
     /// The first record that covers this number or a later one.
@@ -255,6 +304,13 @@ impl SpooledRecording {
         }
         self.drop_acknowledged()?;
         Ok(true)
+    }
+}
+
+fn remove_if_there(path: &Path) -> io::Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        done => done,
     }
 }
 

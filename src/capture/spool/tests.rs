@@ -238,3 +238,27 @@ fn one_agent_at_a_time_has_a_spool_and_what_is_removed_is_gone() {
     drop(spool);
     assert_eq!(Spool::open(folder.path(), SMALL).unwrap().ids(), []);
 }
+
+#[test]
+fn the_file_of_a_recording_is_dropped_before_any_frame_and_is_gone_if_it_was_not_finished() {
+    let (folder, mut spool, id) = spool(SMALL);
+    add(&mut spool, 0..40);
+    spool.end_live();
+    let path = spool.get(id).unwrap().unfinished_file();
+    fs::write(&path, vec![0; 4000]).unwrap();
+    assert_eq!(spool.get(id).unwrap().file(), None);
+    spool.finish_file(id).unwrap();
+    assert!(spool.get(id).unwrap().file().unwrap().exists() && !path.exists());
+    drop(spool);
+    let mut spool = Spool::open(folder.path(), SMALL).unwrap();
+    assert_eq!(spool.bytes(), 40 * 132 + 4000);
+    let file = spool.get(id).unwrap().file().unwrap();
+    spool.begin(hello(1_795_000_009_000), "box-1").unwrap();
+    add(&mut spool, 0..20);
+    assert!(!file.exists() && spool.get(id).unwrap().file().is_none());
+    assert_eq!(held(&mut spool, id), (numbers(&[[0, 39]]), Vec::new()), "all frames are still there");
+    fs::write(&path, b"half a file").unwrap();
+    drop(spool);
+    let spool = Spool::open(folder.path(), SMALL).unwrap();
+    assert!(!path.exists() && spool.get(id).unwrap().file().is_none());
+}

@@ -159,6 +159,7 @@ impl CameraKeeper {
                 Ok(Ok(Ok(source))) => {
                     let info = source.info().clone();
                     self.opened(info.clone()).await;
+                    standby.hold_controls_again();
                     standby.note_change();
                     let is_paced = info.is_file && !self.0.is_fast;
                     self.read(read_on_thread(source), is_paced).await

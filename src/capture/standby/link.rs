@@ -9,6 +9,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout};
 use tokio_tungstenite::tungstenite::Message;
 
 use super::Standby;
+use super::clock::ServerClock;
 use crate::capture::connection::{DisconnectOutcome, Socket, outcome_of_close_code};
 use crate::domain::box_agent::messages::{AgentMessage, CheckedIn, StartCommand, ToAgent};
 use crate::domain::box_agent::state::ClockState;
@@ -36,6 +37,7 @@ impl Standby {
                 Ok(socket) => self.talk(socket).await,
                 Err(ended) => ended,
             };
+            let is_refused = matches!(ended, DisconnectOutcome::Refused(_));
             let (why, pause) = match ended {
                 DisconnectOutcome::Retry { why, .. } => (why, PAUSE),
                 DisconnectOutcome::Refused(why) => (why, REFUSED_PAUSE),
@@ -48,6 +50,7 @@ impl Standby {
             {
                 let mut facts = self.facts();
                 (facts.is_connected, facts.trouble, facts.check_in_address) = (false, why, None);
+                facts.is_refused = is_refused;
             }
             self.note_change();
             self.end_idle_check_in();
@@ -128,7 +131,9 @@ impl Standby {
             }
             ToAgent::Time { sent_at_ms, server_ms } => {
                 let clock = ClockState::of_exchange(sent_at_ms, server_ms, self.parts().clock.now_ms());
-                self.note_clock(clock);
+                if self.note_clock(clock) {
+                    self.note_change(); // recordings may wait for it
+                }
                 return Ok(()); // the next state has it
             }
             ToAgent::LightReference { light_reference } => self.facts().light_reference = Some(light_reference),
@@ -137,10 +142,10 @@ impl Standby {
                 return self.answer(command, refused, sink).await;
             }
             ToAgent::Stop { command } => {
-                let refused = self.stop().err();
+                let refused = self.stop().await.err();
                 return self.answer(command, refused, sink).await;
             }
-            ToAgent::CheckedIn { by } => {
+            ToAgent::CheckedIn { by, ended } => {
                 let mut facts = self.facts();
                 let trainee = |checked_in: &CheckedIn| checked_in.trainee.id;
                 if by.is_some() && by.as_deref().map(trainee) == facts.left {
@@ -161,6 +166,11 @@ impl Standby {
                 if by.as_deref().map(trainee) != facts.checked_in.as_ref().map(trainee) {
                     facts.active = Some(Instant::now());
                 }
+                if by.is_some() {
+                    (facts.check_in_end, facts.last_unnamed) = (None, None);
+                } else {
+                    facts.check_in_end = ended.or(facts.check_in_end);
+                }
                 (facts.checked_in, facts.refusal) = (by.map(|by| *by), None);
             }
             ToAgent::CheckInRefused { why, wait_s } => self.facts().refusal = Some((why, wait_s)),
@@ -176,23 +186,19 @@ impl Standby {
         send(sink, &AgentMessage::Done { command, refused }).await
     }
 
-    /// Keeps the best of the measured offsets, until the clock is set.
-    fn note_clock(&self, measured: ClockState) {
+    /// Keeps the best of the measured offsets, until the clock is set. True if it is the first one.
+    pub(super) fn note_clock(&self, measured: ClockState) -> bool {
+        let now = self.computer_time();
         let mut facts = self.facts();
-        let is_same = |known: &ClockState| {
-            let tolerance_ms = known.uncertainty_ms + measured.uncertainty_ms + 50;
-            (known.offset_ms - measured.offset_ms).abs() <= tolerance_ms
-        };
-        let keeps = facts.clock.is_some_and(|known| is_same(&known) && known.uncertainty_ms <= measured.uncertainty_ms);
-        if keeps {
-            return;
-        }
-        let was_wrong = facts.clock.is_some_and(ClockState::is_wrong);
+        let is_first = facts.clock.is_none();
+        let was_wrong = facts.clock.is_some_and(|known| known.state(now).is_wrong());
+        facts.clock = Some(facts.clock.map_or(ServerClock::new(measured, now), |known| known.better(measured, now)));
+        drop(facts);
         if measured.is_wrong() && !was_wrong {
             let offset_s = measured.offset_ms / 1000;
             tracing::warn!(offset_s, "the clock of this computer is wrong: set it; recordings get corrected times");
         }
-        facts.clock = Some(measured);
+        is_first
     }
 }
 

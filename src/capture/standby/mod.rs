@@ -11,18 +11,25 @@
 //! | file | holds |
 //! |---|---|
 //! | [`camera`] | the camera, kept open over its interruptions |
+//! | `clock` | the server's time |
 //! | [`light`] | the brightness of the picture, compared with the time after the calibration |
 //! | [`link`] | the connection to the server |
 //! | [`recording`] | start and end of a recording, and sending what the spool holds |
+//! | [`unnamed`] | recordings without a name, sent as files |
 //!
 //! Nothing but the spool is on the disk: after a restart the agent sends what was left and stands by again.
 
 pub mod camera;
+mod clock;
 pub mod light;
 pub mod link;
 pub mod recording;
+pub mod unnamed;
 
+use std::collections::HashMap;
+use std::future::Future;
 use std::path::PathBuf;
+use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -31,21 +38,26 @@ use tokio::sync::{Notify, mpsc, watch};
 use tokio::time::Instant;
 
 use camera::CameraKeeper;
+use clock::{ComputerTime, ServerClock};
 use recording::RunningRecording;
+use unnamed::{SendFile, UnnamedState};
 
 use super::Agent;
 use super::connection::Server;
-use crate::domain::box_agent::messages::{AgentMessage, CheckInRefusal, CheckedIn, NamedTask};
+use super::spool::SpooledRecording;
+use crate::domain::box_agent::messages::{AgentMessage, CheckInEnd, CheckInRefusal, CheckedIn, NamedTask};
 use crate::domain::box_agent::state::{AgentState, ClockState, RecordingState, SpoolState};
-use crate::ids::{TaskId, TraineeId};
+use crate::ids::{FeedId, TaskId, TraineeId};
 use crate::shutdown::Shutdown;
 use crate::time::SharedClock;
 
 /// Messages that may wait for the connection to the server.
 const MAX_WAITING: usize = 16;
 
-/// Holds the camera's automatic controls during a recording; the flag is true while they are held.
-pub type HoldControls = Arc<dyn Fn(Shutdown, Duration, Arc<AtomicBool>) + Send + Sync>;
+/// Holds the camera's automatic controls until the shutdown, once they have settled for this long; the flag is true while
+/// they are held.
+pub type HoldControls =
+    Arc<dyn Fn(Shutdown, Duration, Arc<AtomicBool>) -> Pin<Box<dyn Future<Output = ()> + Send>> + Send + Sync>;
 
 /// What an agent that stands by needs.
 pub struct StandbyParts {
@@ -61,6 +73,10 @@ pub struct StandbyParts {
     pub clock: SharedClock,
     /// Holds the camera's automatic controls; `None`: nothing to hold.
     pub hold_controls: Option<HoldControls>,
+    /// Sends the file of a recording without a name.
+    pub send_file: SendFile,
+    /// True if no recording is made without a name.
+    pub requires_check_in: bool,
     /// Ends all.
     pub shutdown: Shutdown,
 }
@@ -92,7 +108,7 @@ struct Facts {
     trouble: String,
     box_name: String,
     light_reference: Option<String>,
-    clock: Option<ClockState>,
+    clock: Option<ServerClock>,
     check_in_address: Option<String>,
     checked_in: Option<CheckedIn>,
     /// Who left the box, until the server has confirmed it.
@@ -103,6 +119,14 @@ struct Facts {
     active: Option<Instant>,
     refusal: Option<(CheckInRefusal, u64)>,
     refused_recording: Option<String>,
+    /// Why the last check-in ended, until the next one.
+    check_in_end: Option<CheckInEnd>,
+    /// True if the server was reached, and refuses this agent.
+    is_refused: bool,
+    /// When recordings began that were started before the server's time was known.
+    uncorrected: HashMap<FeedId, ComputerTime>,
+    /// The last recording, if it has no name.
+    last_unnamed: Option<(FeedId, UnnamedState)>,
 }
 
 /// What the box's screen shows.
@@ -122,7 +146,13 @@ pub struct ScreenState {
     pub is_clock_wrong: bool,
     /// The trainee who is checked in.
     pub checked_in: Option<CheckedIn>,
-    /// Whose recording runs.
+    /// Why the last check-in ended, if neither the trainee nor time ended it.
+    pub check_in_end: Option<CheckInEnd>,
+    /// True if no recording is made without a name.
+    pub requires_check_in: bool,
+    /// What became of the last recording, if it has no name.
+    pub last_unnamed: Option<UnnamedState>,
+    /// Name of the trainee who is recorded; `None` also for a recording without a name.
     pub recorded: Option<String>,
     /// The task of the recording that runs.
     pub recorded_task: Option<String>,
@@ -169,20 +199,21 @@ impl Standby {
             let session = self.parts().agent.accepted().borrow().filter(|(id, _)| *id == running.id);
             RecordingState {
                 recording: running.id,
-                trainee: running.trainee.id,
-                task: running.task.id,
+                trainee: running.trainee.as_ref().map(|of| of.id),
+                task: running.task.as_ref().map(|of| of.id),
                 session: session.map(|(_, session)| session),
                 recorded_s: running.began.elapsed().as_secs_f64(),
                 frames: self.parts().agent.status().captured,
             }
         });
         let mut camera = self.parts().camera.state();
-        camera.is_exposure_held = self.parts().hold_controls.as_ref().map(|_| self.0.is_held.load(Ordering::Acquire));
+        let is_held = camera.is_open && self.0.is_held.load(Ordering::Acquire);
+        camera.is_exposure_held = self.parts().hold_controls.as_ref().map(|_| is_held);
         AgentState {
             camera,
             light: self.parts().camera.light(),
             spool: self.spool_state(),
-            clock: self.facts().clock,
+            clock: self.clock_state(),
             recording: running,
         }
     }
@@ -190,30 +221,37 @@ impl Standby {
     fn spool_state(&self) -> SpoolState {
         let refused = self.facts().refused_recording.clone();
         let spool = self.parts().agent.spool();
-        let waiting = spool.ids().into_iter().filter_map(|id| spool.get(id)).map(|recording| recording.waiting());
-        let (recordings, frames, bytes) =
-            waiting.fold((0, 0, 0), |(count, frames, bytes), one| (count + 1, frames + one.0, bytes + one.1));
+        let all = || spool.ids().into_iter().filter_map(|id| spool.get(id));
+        let unnamed = all().filter(|recording| recording.is_unnamed()).count() as u64;
+        let (recordings, frames, bytes) = all()
+            .map(SpooledRecording::waiting)
+            .fold((0, 0, 0), |(count, frames, bytes), one| (count + 1, frames + one.0, bytes + one.1));
         drop(spool);
         let disk = rustix::fs::statvfs(&self.parts().spool).ok();
         let disk_free_bytes = disk.map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize));
-        SpoolState { recordings, frames, bytes, disk_free_bytes, refused }
+        SpoolState { recordings, frames, bytes, unnamed, disk_free_bytes, refused }
     }
 
     /// The same for the screen.
     pub fn screen_state(&self) -> ScreenState {
         let version = *self.0.changes.borrow();
         let state = self.state();
-        let running = self.running().as_ref().map(|running| (running.trainee.name.clone(), running.task.name.clone()));
-        let (recorded, recorded_task) = running.unzip();
+        let (recorded, recorded_task) = self.running().as_ref().map_or((None, None), |running| {
+            let (trainee, task) = (running.trainee.as_ref(), running.task.as_ref());
+            (trainee.map(|of| of.name.clone()), task.map(|of| of.name.clone()))
+        });
         let facts = self.facts();
         ScreenState {
             version,
             box_name: facts.box_name.clone(),
             is_connected: facts.is_connected,
             trouble: facts.trouble.clone(),
-            is_clock_wrong: facts.clock.is_some_and(ClockState::is_wrong),
+            is_clock_wrong: state.clock.is_some_and(ClockState::is_wrong),
             state,
             checked_in: facts.checked_in.clone(),
+            check_in_end: facts.check_in_end,
+            requires_check_in: self.parts().requires_check_in,
+            last_unnamed: facts.last_unnamed.map(|(_, state)| state),
             recorded,
             recorded_task,
             check_in_address: facts.check_in_address.clone(),
@@ -228,6 +266,11 @@ impl Standby {
 
     /// A trainee typed code and PIN at the box. False if the server cannot be asked now.
     pub fn check_in(&self, trainee: String, pin: String) -> bool {
+        if self.running().is_some() {
+            self.facts().refusal = Some((CheckInRefusal::Recording, 0));
+            self.note_change();
+            return true;
+        }
         self.facts().refusal = None;
         self.facts().is_connected && self.0.outbox.try_send(AgentMessage::CheckIn { trainee, pin }).is_ok()
     }
@@ -262,7 +305,19 @@ impl Standby {
 
     /// The time, epoch ms, corrected by what the server says.
     fn corrected_now_ms(&self) -> i64 {
-        self.parts().clock.now_ms() + self.facts().clock.map_or(0, |clock| clock.offset_ms)
+        let (known, now) = (self.facts().clock, self.computer_time());
+        known.map_or(now.shown_ms, |clock| clock.now_ms(now))
+    }
+
+    /// The clock of this computer, compared with the server.
+    fn clock_state(&self) -> Option<ClockState> {
+        let known = self.facts().clock;
+        known.map(|clock| clock.state(self.computer_time()))
+    }
+
+    fn computer_time(&self) -> ComputerTime {
+        let clock = &self.parts().clock;
+        ComputerTime { shown_ms: clock.now_ms(), since_boot_ms: clock.since_boot_ms() }
     }
 
     /// Ends a check-in without activity; without a connection the server cannot say so.
@@ -296,3 +351,6 @@ impl Standby {
         self.0.running.lock().unwrap_or_else(PoisonError::into_inner) // as above
     }
 }
+
+#[cfg(test)]
+mod tests;

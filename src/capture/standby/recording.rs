@@ -6,12 +6,15 @@ use std::time::Duration;
 use tokio::task::{JoinHandle, block_in_place};
 use tokio::time::{Instant, timeout};
 
-use super::Standby;
 use super::camera::RecordedCamera;
+use super::clock::ComputerTime;
+use super::unnamed::{self, UnnamedState};
+use super::{Facts, Standby};
 use crate::capture::recorder::{RecordingRules, record};
 use crate::capture::sender::{SendOutcome, send};
 use crate::capture::source::FrameSource;
-use crate::domain::box_agent::messages::{NamedTask, NamedTrainee};
+use crate::capture::spool::SpooledRecording;
+use crate::domain::box_agent::messages::{CheckInRefusal, CheckedIn, NamedTask, NamedTrainee};
 use crate::domain::feed::PROTOCOL;
 use crate::domain::feed::messages::Hello;
 use crate::ids::FeedId;
@@ -20,8 +23,11 @@ use crate::time::to_rfc3339;
 
 /// How long the controls of a camera settle after it was opened.
 const SETTLE_TIME: Duration = Duration::from_secs(2);
-/// How long the end of a recording may take when the agent ends.
-const END_TIMEOUT: Duration = Duration::from_secs(5);
+/// How long the end of a recording may take when the agent ends: frames that wait for a slow disk are still written. The
+/// unit allows 15 s.
+const END_TIMEOUT: Duration = Duration::from_secs(12);
+/// How long the answer to a stop waits for the end of the recording: usually a tenth of a second.
+const STOP_PATIENCE: Duration = Duration::from_secs(1);
 /// When a recording that the server refused is offered again: a person may have removed the cause.
 const REFUSED_PAUSE: Duration = Duration::from_secs(15 * 60);
 /// How often the spool is looked at without a reason.
@@ -30,36 +36,70 @@ const LOOK_INTERVAL: Duration = Duration::from_secs(30);
 /// The recording that is being made.
 pub(super) struct RunningRecording {
     pub(super) id: FeedId,
-    pub(super) trainee: NamedTrainee,
-    pub(super) task: NamedTask,
+    /// `None`: it has no name.
+    pub(super) trainee: Option<NamedTrainee>,
+    pub(super) task: Option<NamedTask>,
     pub(super) began: Instant,
     ending: Shutdown,
     recorder: Option<JoinHandle<()>>,
+    controls: Option<HeldControls>,
+}
+
+/// The camera's automatic controls, held in the background.
+struct HeldControls {
+    release: Shutdown,
+    task: JoinHandle<()>,
+}
+
+/// The result of sending a recording of the spool.
+pub(super) enum SpoolOutcome {
+    /// The server has it.
+    Sent,
+    /// It has no frames.
+    Empty,
+    /// The server refuses it: why, and what to do. The recording stays in the spool.
+    Refused(String),
 }
 
 impl Standby {
-    /// Starts a recording of the trainee who is checked in.
+    /// Starts a recording at the box: of the trainee who is checked in, or without a name.
     ///
     /// # Errors
     /// Why not, for people.
-    pub fn start_for_check_in(&self) -> Result<(), String> {
-        let checked_in =
-            self.facts().checked_in.clone().ok_or("check in first: no recording is made without a name")?;
-        let task = checked_in.task.ok_or("choose a task first")?;
-        self.start(FeedId::at(self.corrected_now_ms()), checked_in.trainee, task)
+    pub fn start_at_box(&self) -> Result<(), String> {
+        let id = FeedId::at(self.corrected_now_ms());
+        let checked_in = self.facts().checked_in.clone();
+        match checked_in {
+            Some(CheckedIn { trainee, task: Some(task), .. }) => self.start(id, Some(trainee), Some(task)),
+            Some(_) => Err("choose a task first".to_owned()),
+            None => self.start(id, None, None),
+        }
     }
 
-    /// Starts a recording.
+    /// Starts a recording; without a trainee it waits for a name.
     ///
     /// # Errors
     /// Why not, for people.
-    pub(super) fn start(&self, id: FeedId, trainee: NamedTrainee, task: NamedTask) -> Result<(), String> {
+    pub(super) fn start(
+        &self,
+        id: FeedId,
+        trainee: Option<NamedTrainee>,
+        task: Option<NamedTask>,
+    ) -> Result<(), String> {
+        if trainee.is_some() && task.is_none() {
+            return Err("choose a task first".to_owned());
+        }
+        if trainee.is_none() && self.parts().requires_check_in {
+            return Err("check in first: this box makes no recordings without a name".to_owned());
+        }
         let mut running = self.running();
         if running.is_some() {
             return Err("a recording is running already".to_owned());
         }
         let camera = self.parts().camera.begin().ok_or("the camera is missing")?;
-        let hello = self.hello(id, (&trainee, &task), &camera);
+        let began = camera.first_arrived.unwrap_or_else(Instant::now);
+        self.note_uncorrected(id, began);
+        let hello = self.hello(id, (trainee.as_ref(), task.as_ref()), &camera);
         let begun = block_in_place(|| self.parts().agent.spool().begin(hello, self.parts().server.in_box()));
         if let Err(error) = begun {
             self.parts().camera.end();
@@ -67,45 +107,86 @@ impl Standby {
         }
         self.parts().agent.status().captured = 0;
         let ending = Shutdown::new();
-        if let Some(hold) = &self.parts().hold_controls {
-            let settle = SETTLE_TIME.saturating_sub(self.parts().camera.open_for());
-            hold(ending.clone(), settle, self.0.is_held.clone());
-        }
-        tracing::info!(recording = %id, trainee = trainee.name, task = task.name, "recording");
-        let began = camera.first_arrived.unwrap_or_else(Instant::now);
-        let recorder = tokio::spawn(self.clone().record(camera, ending.clone()));
-        *running = Some(RunningRecording { id, trainee, task, began, ending, recorder: Some(recorder) });
+        let controls = self.hold_controls(None);
+        let (name, of_task) = (trainee.as_ref().map(|of| &of.name), task.as_ref().map(|of| &of.name));
+        tracing::info!(recording = %id, trainee = name, task = of_task, "recording");
+        let seconds = trainee.is_none().then_some(unnamed::MAX_SECONDS);
+        let recorder = tokio::spawn(self.clone().record(camera, seconds, ending.clone()));
+        self.facts().last_unnamed = None;
+        *running = Some(RunningRecording { id, trainee, task, began, ending, recorder: Some(recorder), controls });
         drop(running);
         self.0.spool_changed.notify_one();
         self.note_change();
         Ok(())
     }
 
-    async fn record(self, camera: RecordedCamera, ending: Shutdown) {
+    async fn record(self, camera: RecordedCamera, seconds: Option<f64>, ending: Shutdown) {
         let rules = RecordingRules {
             is_paced: false, // the camera's frames come at their times
-            seconds: None,
+            seconds,
             time_base: camera.info().time_base,
             first_arrived: camera.first_arrived,
+            holds_controls: self.parts().hold_controls.is_some(),
         };
         let ended = record(&self.parts().agent, camera, rules, &ending).await;
         tracing::info!(frames = ended.frames, source_lost = ended.source_lost, "recording ended");
-        ending.begin(); // releases the camera's controls
         self.parts().camera.end();
-        self.running().take();
-        self.facts().active = Some(Instant::now());
+        let ended_running = self.running().take();
+        if let Some(controls) = ended_running.as_ref().and_then(|running| running.controls.as_ref()) {
+            controls.release.begin();
+        }
+        let unnamed = ended_running.filter(|running| running.trainee.is_none() && ended.frames > 0);
+        {
+            let mut facts = self.facts();
+            facts.active = Some(Instant::now());
+            facts.refusal = facts.refusal.filter(|(why, _)| *why != CheckInRefusal::Recording);
+            facts.last_unnamed = unnamed.map(|running| (running.id, UnnamedState::Kept));
+        }
         self.0.spool_changed.notify_one();
         self.note_change();
     }
 
-    /// Ends the recording that runs.
+    /// Holds the camera's controls. Those that were held before are released first: they are of a camera that was
+    /// unplugged, and the note of what was switched off has one place.
+    fn hold_controls(&self, before: Option<HeldControls>) -> Option<HeldControls> {
+        let hold = self.parts().hold_controls.as_ref()?;
+        let release = Shutdown::new();
+        let settle = SETTLE_TIME.saturating_sub(self.parts().camera.open_for());
+        let held = hold(release.clone(), settle, self.0.is_held.clone());
+        let task = tokio::spawn(async move {
+            if let Some(before) = before {
+                before.release.begin();
+                let _ = before.task.await; // a panic is logged where it happened
+            }
+            held.await;
+        });
+        Some(HeldControls { release, task })
+    }
+
+    /// The camera was opened: a recording that runs holds its controls again, because a camera that was unplugged has
+    /// its automatic exposure on.
+    pub(super) fn hold_controls_again(&self) {
+        if let Some(running) = self.running().as_mut() {
+            running.controls = self.hold_controls(running.controls.take());
+        }
+    }
+
+    /// Ends the recording that runs. On a slow disk its last frames may still be written afterwards.
     ///
     /// # Errors
-    /// There is none.
-    pub fn stop(&self) -> Result<(), String> {
-        let running = self.running();
-        let running = running.as_ref().ok_or("no recording is running")?;
-        running.ending.begin();
+    /// There is none, or it is ending already.
+    pub async fn stop(&self) -> Result<(), String> {
+        {
+            let running = self.running();
+            let running = running.as_ref().ok_or("no recording is running")?;
+            if running.ending.is_begun() {
+                return Err("the recording is ending: its last frames are being written".to_owned());
+            }
+            running.ending.begin();
+        }
+        // So that the state that follows the answer has no recording any more.
+        let mut changes = self.0.changes.subscribe();
+        let _ = timeout(STOP_PATIENCE, changes.wait_for(|_| self.running().is_none())).await;
         Ok(())
     }
 
@@ -122,14 +203,20 @@ impl Standby {
         }
     }
 
-    fn hello(&self, id: FeedId, (trainee, task): (&NamedTrainee, &NamedTask), camera: &RecordedCamera) -> Hello {
+    /// What is known of a recording. Without a name it is not sent as a feed, and the trainee is empty.
+    fn hello(
+        &self,
+        id: FeedId,
+        (trainee, task): (Option<&NamedTrainee>, Option<&NamedTask>),
+        camera: &RecordedCamera,
+    ) -> Hello {
         let info = camera.info();
         let kept_ms = camera.first_arrived.map_or(0, |arrived| crate::time::millis(arrived.elapsed()));
         Hello {
             protocol: PROTOCOL,
             recording: id,
-            trainee: trainee.id.to_string(),
-            task: task.id.to_string(),
+            trainee: trainee.map(|of| of.id.to_string()).unwrap_or_default(),
+            task: task.map(|of| of.id.to_string()).unwrap_or_default(),
             codec: info.codec,
             width: info.size.0,
             height: info.size.1,
@@ -149,8 +236,9 @@ impl Standby {
             let next = {
                 let spool = agent.spool();
                 let live = spool.live();
+                let is_unnamed = |id: &FeedId| spool.get(*id).is_some_and(SpooledRecording::is_unnamed);
                 let mut waiting = live.into_iter().chain(spool.ids());
-                waiting.find(|id| !refused.contains_key(id))
+                waiting.find(|id| !refused.contains_key(id) && (live != Some(*id) || !is_unnamed(id)))
             };
             let Some(id) = next else {
                 let _ = timeout(LOOK_INTERVAL, self.0.spool_changed.notified()).await;
@@ -158,13 +246,10 @@ impl Standby {
             };
             let was_live = agent.spool().live() == Some(id);
             tokio::select! {
-                outcome = send(agent, &self.parts().server, id) => match outcome {
-                    SendOutcome::Complete(session) => {
-                        tracing::info!(%session, "recording complete on the server");
-                        self.facts().refused_recording = None;
-                    }
-                    SendOutcome::Empty => {}
-                    SendOutcome::Refused(why) => {
+                outcome = self.send_one(id) => match outcome {
+                    SpoolOutcome::Sent => self.facts().refused_recording = None,
+                    SpoolOutcome::Empty => {}
+                    SpoolOutcome::Refused(why) => {
                         refused.insert(id, Instant::now());
                         self.facts().refused_recording = Some(why);
                         self.end_refused(id);
@@ -183,6 +268,54 @@ impl Standby {
         }
     }
 
+    async fn send_one(&self, id: FeedId) -> SpoolOutcome {
+        self.correct_start(id).await;
+        if self.is_unnamed(id) {
+            return self.send_unnamed(id).await;
+        }
+        match send(&self.parts().agent, &self.parts().server, id).await {
+            SendOutcome::Complete(session) => {
+                tracing::info!(%session, "recording complete on the server");
+                SpoolOutcome::Sent
+            }
+            SendOutcome::Empty => SpoolOutcome::Empty,
+            SendOutcome::Refused(why) => SpoolOutcome::Refused(why),
+        }
+    }
+
+    /// Notes when a recording begins, if the server's time is not known yet.
+    fn note_uncorrected(&self, id: FeedId, began: Instant) {
+        let now = self.computer_time();
+        let mut facts = self.facts();
+        if facts.clock.is_none() {
+            let since_boot_ms = now.since_boot_ms - crate::time::millis(began.elapsed());
+            facts.uncorrected.insert(id, ComputerTime { since_boot_ms, ..now });
+        }
+    }
+
+    /// Gives a recording that began before the server's time was known its right time, as soon as that is known. The server
+    /// hears of the recording afterwards, because it keeps the time that it heard first.
+    async fn correct_start(&self, id: FeedId) {
+        if !self.facts().uncorrected.contains_key(&id) {
+            return;
+        }
+        let is_settled = |facts: &Facts| facts.clock.is_some() || facts.is_refused;
+        let _ = self.0.changes.subscribe().wait_for(|_| is_settled(&self.facts())).await; // the sender lives on
+        let began_ms = {
+            let facts = self.facts();
+            facts.clock.zip(facts.uncorrected.get(&id)).map(|(clock, began)| clock.at_ms(*began))
+        };
+        let Some(began_ms) = began_ms else { return }; // refused: it stays in the spool, and is corrected later
+        if let Err(error) = block_in_place(|| self.parts().agent.spool().set_start(id, to_rfc3339(began_ms))) {
+            tracing::warn!(recording = %id, %error, "the start of a recording was not corrected: the clock was not known");
+        }
+        self.facts().uncorrected.remove(&id);
+    }
+
+    fn is_unnamed(&self, id: FeedId) -> bool {
+        self.parts().agent.spool().get(id).is_some_and(SpooledRecording::is_unnamed)
+    }
+
     /// Ends a recording that the server does not accept, so that the box does not seem to record.
     fn end_refused(&self, id: FeedId) {
         let was_welcome = self.parts().agent.accepted().borrow().is_some_and(|(accepted, _)| accepted == id);
@@ -198,11 +331,12 @@ impl Standby {
         }
     }
 
-    /// Waits until another recording than this one runs: it is sent first.
+    /// Waits until another recording than this one runs and can be sent: it is sent first.
     async fn another_is_live(&self, id: FeedId) {
         loop {
             self.0.spool_changed.notified().await;
-            if self.parts().agent.spool().live().is_some_and(|live| live != id) {
+            let live = self.parts().agent.spool().live();
+            if live.is_some_and(|live| live != id && !self.is_unnamed(live)) {
                 return;
             }
         }

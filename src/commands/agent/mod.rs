@@ -7,6 +7,7 @@
 
 mod install;
 mod screen;
+mod send_unnamed;
 mod standby;
 
 use std::io::{IsTerminal, Write, stderr};
@@ -26,7 +27,7 @@ use crate::capture::controls::{CameraDevice, CameraLock, LockResult, restore_aut
 use crate::capture::recorder::{RecordingRules, record};
 use crate::capture::sender::{SendOutcome, send};
 use crate::capture::source::{OpenSource, RecordedSource, SourcePatience};
-use crate::capture::spool::Spool;
+use crate::capture::spool::{Spool, SpooledRecording};
 use crate::capture::{Agent, status};
 use crate::domain::feed::PROTOCOL;
 use crate::domain::feed::messages::Hello;
@@ -217,7 +218,13 @@ async fn record_and_send(
     let id =
         agent.spool().begin(hello(args, &info), server.in_box()).context("beginning the recording in the spool")?;
     let is_paced = info.is_file && !args.as_fast_as_possible;
-    let rules = RecordingRules { is_paced, seconds: args.seconds, time_base: info.time_base, first_arrived: None };
+    let rules = RecordingRules {
+        is_paced,
+        seconds: args.seconds,
+        time_base: info.time_base,
+        first_arrived: None,
+        holds_controls: false,
+    };
     // Ends with the signal, with the source, or when the server refuses the recording.
     let recording = Shutdown::new();
     let (recorder, ending) = (agent.clone(), recording.clone());
@@ -281,6 +288,10 @@ async fn send_left_over(
 ) -> Result<(), CommandFailure> {
     let mut refused = Vec::new();
     for id in ids {
+        if agent.spool().get(id).is_some_and(SpooledRecording::is_unnamed) {
+            tracing::warn!(recording = %id, "a recording without a name stays here: `trocar agent stand-by` sends it");
+            continue;
+        }
         tracing::info!(recording = %id, "sending a recording of an earlier run");
         tokio::select! {
             outcome = send(agent, server, id) => match outcome {

@@ -136,11 +136,11 @@ async fn state(State(app): State<ScreenApp>, Query(known): Query<StateQuery>) ->
 }
 
 async fn start(State(app): State<ScreenApp>) -> Response {
-    answer(app.standby.start_for_check_in())
+    answer(app.standby.start_at_box())
 }
 
 async fn stop(State(app): State<ScreenApp>) -> Response {
-    answer(app.standby.stop())
+    answer(app.standby.stop().await)
 }
 
 /// Code and PIN, as typed.

@@ -8,6 +8,7 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 
 use super::screen::{Screen, ScreenSettings};
+use super::send_unnamed::send_unnamed;
 use super::{
     LockTiming, SPOOL_BYTES, camera_note_path, checked_server, key_value, lock_controls, restrict_new_files_to_owner,
     seconds, start_log,
@@ -17,8 +18,10 @@ use crate::capture::controls::{CameraDevice, restore_automatics};
 use crate::capture::source::OpenSource;
 use crate::capture::spool::Spool;
 use crate::capture::standby::camera::CameraKeeper;
+use crate::capture::standby::unnamed::{FileOutcome, SendFile};
 use crate::capture::standby::{HoldControls, Standby, StandbyParts};
 use crate::commands::CommandFailure;
+use crate::commands::upload::client::ServiceClient;
 use crate::media::CaptureSource;
 use crate::shutdown::Shutdown;
 use crate::time::{SharedClock, SystemClock};
@@ -60,6 +63,9 @@ pub(super) struct StandbyArgs {
     /// Key on that page that starts and stops, such as Space, Enter, F9 or KeyB; a foot pedal is a keyboard with one key
     #[arg(long, value_name = "KEY", default_value = SCREEN_KEY, requires = "screen")]
     key: String,
+    /// Make no recordings without a name: the button and the key do nothing until a trainee has checked in
+    #[arg(long)]
+    require_check_in: bool,
     /// Leave the camera's automatic exposure, gain and white balance switched on during recordings
     #[arg(long)]
     automatic: bool,
@@ -100,6 +106,8 @@ pub(super) fn run(args: StandbyArgs) -> Result<(), CommandFailure> {
             spool: args.spool.clone(),
             clock: clock(args.clock_offset_ms),
             hold_controls: is_camera(&args.source).then(|| hold_controls(&args)),
+            send_file: send_file(&args),
+            requires_check_in: args.require_check_in,
             shutdown: shutdown.clone(),
         });
         if let Some(port) = args.screen {
@@ -134,10 +142,26 @@ fn is_camera(source: &str) -> bool {
 fn hold_controls(args: &StandbyArgs) -> HoldControls {
     let (camera, note, is_automatic) = (args.source.clone(), camera_note_path(&args.spool), args.automatic);
     Arc::new(move |recording, settle, is_held| {
-        if !is_automatic {
-            let timing = LockTiming { settle, is_held };
-            tokio::spawn(lock_controls(camera.clone(), note.clone(), recording, timing));
-        }
+        let (camera, note) = (camera.clone(), note.clone());
+        Box::pin(async move {
+            if !is_automatic {
+                lock_controls(camera, note, recording, LockTiming { settle, is_held }).await;
+            }
+        })
+    })
+}
+
+/// Sends recordings without a name, with the token of the box.
+fn send_file(args: &StandbyArgs) -> SendFile {
+    let (server, token_file) = (args.server.clone(), args.token_file.clone());
+    Arc::new(move |file| {
+        let (server, token_file) = (server.clone(), token_file.clone());
+        Box::pin(async move {
+            match ServiceClient::new(&server, &token_file) {
+                Ok(client) => send_unnamed(&client, file).await,
+                Err(why) => FileOutcome::Refused(why),
+            }
+        })
     })
 }
 
@@ -159,6 +183,10 @@ impl crate::time::Clock for WrongClock {
 
     fn monotonic_ms(&self) -> i64 {
         SystemClock.monotonic_ms()
+    }
+
+    fn since_boot_ms(&self) -> i64 {
+        SystemClock.since_boot_ms()
     }
 
     fn sleep(&self, duration: Duration) -> crate::time::Sleep {

@@ -22,6 +22,7 @@ use tokio::net::TcpStream;
 use tokio::time::timeout;
 use tokio_rustls::TlsConnector;
 use tokio_util::io::ReaderStream;
+use tokio_util::task::AbortOnDropHandle;
 
 /// Longest time to establish a connection.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
@@ -66,13 +67,15 @@ pub enum RequestError {
     Connection(String),
     /// The service refused the request.
     #[error("{title}: {detail}")]
-    Refused { status: StatusCode, title: String, detail: String, wait: Option<Duration> },
+    Refused { status: StatusCode, kind: String, title: String, detail: String, wait: Option<Duration> },
 }
 
 /// The parts of a problem document that are shown and acted on.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct ProblemParts {
+    #[serde(rename = "type")]
+    kind: String,
     title: String,
     detail: String,
     wait_s: Option<f64>,
@@ -184,6 +187,18 @@ impl ServiceClient {
         self.send(Method::PATCH, path, headers, BodyExt::boxed(StreamBody::new(pieces))).await
     }
 
+    /// Sends a file of this many bytes as the body of a new resource.
+    pub async fn post_file(
+        &self,
+        path: &str,
+        headers: HeaderMap,
+        file: File,
+        bytes: u64,
+    ) -> Result<Answer, RequestError> {
+        let pieces = ReaderStream::with_capacity(file.take(bytes), READ_BYTES).map_ok(Frame::data);
+        self.send(Method::POST, path, headers, BodyExt::boxed(StreamBody::new(pieces))).await
+    }
+
     async fn send(
         &self,
         method: Method,
@@ -223,7 +238,8 @@ where
     S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
     let (mut sender, connection) = hyper::client::conn::http1::handshake(TokioIo::new(stream)).await.map_err(broken)?;
-    let driver = tokio::spawn(connection);
+    // Ends with the request, also if the caller gives it up.
+    let _driver = AbortOnDropHandle::new(tokio::spawn(connection));
     let answer = async {
         let answer = sender.send_request(request).await.map_err(broken)?;
         let (parts, body) = answer.into_parts();
@@ -232,9 +248,7 @@ where
         let body = body.map_err(|error| RequestError::Connection(error.to_string()))?.to_bytes();
         Ok(Answer { status: parts.status, headers: parts.headers, body })
     };
-    let answer = answer.await;
-    driver.abort();
-    let answer = answer?;
+    let answer = answer.await?;
     if answer.status.is_success() { Ok(answer) } else { Err(refusal(&answer)) }
 }
 
@@ -242,7 +256,9 @@ fn refusal(answer: &Answer) -> RequestError {
     let parts: ProblemParts = serde_json::from_slice(&answer.body).unwrap_or_default();
     let title = if parts.title.is_empty() { format!("the service answers {}", answer.status) } else { parts.title };
     let wait = parts.wait_s.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-    RequestError::Refused { status: answer.status, title, detail: parts.detail, wait }
+    // The last part of the address of the problem's description.
+    let kind = parts.kind.rsplit('/').next().unwrap_or_default().to_owned();
+    RequestError::Refused { status: answer.status, kind, title, detail: parts.detail, wait }
 }
 
 /// TLS that trusts what the system trusts: a centre with its own certificate authority installs it once.

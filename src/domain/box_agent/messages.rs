@@ -84,6 +84,9 @@ pub enum ToAgent {
     CheckedIn {
         /// `None`: no trainee.
         by: Option<Box<CheckedIn>>,
+        /// Why the check-in before has ended, if neither the trainee nor time ended it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        ended: Option<CheckInEnd>,
     },
     /// A check-in with a PIN was refused.
     CheckInRefused {
@@ -106,10 +109,12 @@ pub struct StartCommand {
     pub command: u64,
     /// Id of the recording.
     pub recording: FeedId,
-    /// Whose.
-    pub trainee: NamedTrainee,
-    /// The task.
-    pub task: NamedTask,
+    /// The trainee; `None`: the recording waits for a name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trainee: Option<NamedTrainee>,
+    /// The task; `None` only without a trainee.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub task: Option<NamedTask>,
 }
 
 /// A trainee.
@@ -172,4 +177,16 @@ pub enum CheckInRefusal {
     NoConsent,
     /// The server could not check it now.
     Busy,
+    /// The box is recording.
+    Recording,
+}
+
+/// Why a check-in has ended, if neither the trainee nor time ended it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CheckInEnd {
+    /// The trainee does not consent to recordings any more.
+    NoConsent,
+    /// The trainee's record was erased, merged with another one, or is not seen by the person who checked in.
+    NoRecord,
 }

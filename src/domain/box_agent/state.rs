@@ -65,6 +65,9 @@ pub struct SpoolState {
     pub frames: u64,
     /// Their size, bytes.
     pub bytes: u64,
+    /// Recordings among them that have no name.
+    #[serde(default)]
+    pub unnamed: u64,
     /// Free space on the disk of the spool, bytes; `null` if it is not known.
     pub disk_free_bytes: Option<u64>,
     /// Why the server refused a recording that stays in the spool; `null` if it refused none.
@@ -100,10 +103,10 @@ impl ClockState {
 pub struct RecordingState {
     /// Its id.
     pub recording: FeedId,
-    /// Whose.
-    pub trainee: TraineeId,
-    /// The task.
-    pub task: TaskId,
+    /// The trainee; `None`: the recording has no name.
+    pub trainee: Option<TraineeId>,
+    /// The task, if it is known.
+    pub task: Option<TaskId>,
     /// Its session; `None` until the server has accepted the recording.
     pub session: Option<SessionId>,
     /// Time since it began, s.

@@ -68,9 +68,11 @@ pub struct ClockResponse {
 /// A recording that a box is making.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct BoxRecordingResponse {
-    /// The trainee; `null` for one that the caller does not see.
+    /// True if it has no name: it will wait for one, and every member of staff may stop it.
+    is_unnamed: bool,
+    /// The trainee; `null` for one that the caller does not see, and without a name.
     trainee: Option<NamedReference>,
-    /// The task; `null` like the trainee.
+    /// The task; `null` like the trainee, and if it is not known.
     task: Option<NamedReference>,
     /// Its session; `null` like the trainee, and until the first frame has arrived.
     session: Option<SessionId>,
@@ -128,11 +130,16 @@ impl App {
         };
         let recording = match state.as_ref().and_then(|state| state.recording) {
             Some(running) => {
-                let trainee = self.seen_trainee(scope, running.trainee).await?;
-                let task = self.seen_task(scope, trainee.is_some().then_some(running.task)).await?;
+                let is_unnamed = running.trainee.is_none();
+                let trainee = match running.trainee {
+                    Some(trainee) => self.seen_trainee(scope, trainee).await?,
+                    None => None,
+                };
+                let is_seen = trainee.is_some() || (is_unnamed && scope.is_staff());
+                let task = self.seen_task(scope, running.task.filter(|_| is_seen)).await?;
                 let session = running.session.filter(|_| trainee.is_some());
                 let (recorded_s, frames) = (running.recorded_s, running.frames);
-                Some(BoxRecordingResponse { trainee, task, session, recorded_s, frames })
+                Some(BoxRecordingResponse { is_unnamed, trainee, task, session, recorded_s, frames })
             }
             None => None,
         };
@@ -251,15 +258,19 @@ pub struct NewBoxRecording {
     /// The trainee, by id or code; a trainee may leave it out.
     #[serde(default)]
     trainee: Option<String>,
-    /// The task, by id or code.
-    task: String,
+    /// The task, by id or code; without a name it may be left out.
+    #[serde(default)]
+    task: Option<String>,
+    /// True: without a trainee. The recording waits for a name (`waiting-recordings`). For staff.
+    #[serde(default)]
+    without_name: bool,
 }
 
 /// Start a recording at a box
 ///
 /// The agent that stands by there begins at once. Staff record the trainees that they see, trainees themselves. Refused
 /// (409) while the box is silent or recording, without its camera, or with another picture size than the calibrated one;
-/// and (403) for a trainee who does not consent.
+/// and (403) for a trainee who does not consent. Staff may start a recording without a name, which waits for one then.
 #[utoipa::path(post, path = "/boxes/{id}/agent/start", tag = "boxes",
     params(("id" = String, Path, description = "id or code")), request_body = NewBoxRecording,
     responses((status = OK, body = BoxAgentResponse)))]
@@ -270,20 +281,49 @@ pub async fn start_agent(
     Json(new): Json<NewBoxRecording>,
 ) -> HandlerResult<Json<BoxAgentResponse>> {
     let of = app.store.boxes().get(&by.scope, &key).await?.id;
-    let trainee = app.named_trainee(&by.scope, new.trainee.as_deref()).await?;
-    let task = app.named_task(&by.scope, &new.task).await?;
-    app.store.consents().require(&by.scope, trainee.id).await?;
+    let trainee = match new.without_name {
+        true => {
+            new.refuse_name(&by.scope)?;
+            None
+        }
+        false => Some(app.named_trainee(&by.scope, new.trainee.as_deref()).await?),
+    };
+    let task = match &new.task {
+        Some(key) => Some(app.named_task(&by.scope, key).await?),
+        None if trainee.is_none() => None,
+        None => return Err(ProblemResponse::invalid("task", "is missing; name the task that is done")),
+    };
+    if let Some(trainee) = &trainee {
+        app.store.consents().require(&by.scope, trainee.id).await?;
+    }
     app.check_box_can_record(&by.scope, of).await?;
-    let about = (of, trainee.id);
-    app.store.box_agents().note_command(&by.scope, &by.scope, BoxCommand::Start, about).await?;
+    let notes = app.store.box_agents();
+    match &trainee {
+        Some(trainee) => notes.note_command(&by.scope, &by.scope, BoxCommand::Start, (of, trainee.id)).await?,
+        None => notes.note_unnamed_command(&by.scope, BoxCommand::StartUnnamed, of).await?,
+    }
     let recording = FeedId::at(app.clock.now_ms());
     app.box_agents.command(of, AgentCommand::Start(recording, trainee, task)).await.map_err(command_problem)?;
     Ok(Json(app.box_agent_response(&by.scope, of, None).await?))
 }
 
+impl NewBoxRecording {
+    /// Checks a recording without a name.
+    fn refuse_name(&self, scope: &Scope) -> HandlerResult<()> {
+        if self.trainee.is_some() {
+            let why = "a recording without a name has no trainee; leave one of the two out";
+            return Err(ProblemResponse::invalid("trainee", why));
+        }
+        if !scope.is_staff() {
+            return Err(Refusal::Forbidden.with("Only staff start recordings without a name from here."));
+        }
+        Ok(())
+    }
+}
+
 /// End the recording of a box
 ///
-/// For staff who see its trainee, and for the trainee.
+/// For staff who see its trainee, and for the trainee. Every member of staff ends one without a name.
 #[utoipa::path(post, path = "/boxes/{id}/agent/stop", tag = "boxes",
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = BoxAgentResponse)))]
 pub async fn stop_agent(
@@ -295,13 +335,21 @@ pub async fn stop_agent(
     let view = app.box_agents.view(of);
     let state = view.state.filter(|_| view.is_online).ok_or_else(silent_box)?;
     let running = state.recording.ok_or_else(|| Refusal::Conflict.with("The box is not recording."))?;
-    if app.seen_trainee(&by.scope, running.trainee).await?.is_none() {
-        return Err(
-            Refusal::Conflict.with("The box records another person. Only that person or their staff can stop it.")
-        );
+    match running.trainee {
+        Some(trainee) => {
+            if app.seen_trainee(&by.scope, trainee).await?.is_none() {
+                let why = "The box records another person. Only that person or their staff can stop it.";
+                return Err(Refusal::Conflict.with(why));
+            }
+            let about = (of, trainee);
+            app.store.box_agents().note_command(&by.scope, &by.scope, BoxCommand::Stop, about).await?;
+        }
+        None if !by.scope.is_staff() => {
+            let why = "The box records without a name. Stop it at the box, or ask staff.";
+            return Err(Refusal::Conflict.with(why));
+        }
+        None => app.store.box_agents().note_unnamed_command(&by.scope, BoxCommand::Stop, of).await?,
     }
-    let about = (of, running.trainee);
-    app.store.box_agents().note_command(&by.scope, &by.scope, BoxCommand::Stop, about).await?;
     app.box_agents.command(of, AgentCommand::Stop).await.map_err(command_problem)?;
     Ok(Json(app.box_agent_response(&by.scope, of, None).await?))
 }

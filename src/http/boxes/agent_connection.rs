@@ -14,7 +14,7 @@ use crate::box_agents::{AgentConnection, CheckIn, RENEWAL_INTERVAL};
 use crate::domain::box_agent::CHECK_IN_IDLE;
 use crate::domain::box_agent::PROTOCOL;
 use crate::domain::box_agent::messages::{
-    AgentMessage, CheckInRefusal, CheckedIn, LastRecording, NamedTask, NamedTrainee, ToAgent,
+    AgentMessage, CheckInEnd, CheckInRefusal, CheckedIn, LastRecording, NamedTask, NamedTrainee, ToAgent,
 };
 use crate::domain::box_agent::pin::CheckInPin;
 use crate::domain::feed::close_reason::{CloseCode, CloseReason};
@@ -27,7 +27,7 @@ use crate::http::auth::signed_in::SignedIn;
 use crate::http::error::{HandlerResult, Refusal};
 use crate::http::read::PathKey;
 use crate::http::state::App;
-use crate::ids::{BoxId, SessionId, TaskId};
+use crate::ids::{BoxId, SessionId, TaskId, TraineeId};
 use crate::store::{BoxCommand, PageRequest, StoreError};
 use crate::time::to_rfc3339;
 
@@ -109,7 +109,8 @@ type Never = std::convert::Infallible;
 impl StandingAgent {
     async fn run(&self, app: &App, name: String, socket: &mut WebSocket) -> Result<Never, Ended> {
         let program = self.receive_hello(app, socket).await?;
-        let mut connection = app.box_agents.connect(self.of, program.clone());
+        let check_in_page = format!("{}/check-in?box={}", self.base, self.code);
+        let mut connection = app.box_agents.connect(self.of, program.clone(), check_in_page);
         self.note_seen(app, program.clone()).await;
         let mut light_reference = self.light_reference(app).await;
         let token_expires_at =
@@ -136,8 +137,9 @@ impl StandingAgent {
                         self.handle(app, &connection, message, socket).await?;
                     }
                 }
-                _ = renewal.tick() => self.send_check_in_address(app, socket).await?,
+                _ = renewal.tick() => app.box_agents.renew_check_in_code(self.of),
                 _ = noting.tick() => {
+                    app.end_invalid_check_ins().await; // such as after a new text became due
                     self.note_seen(app, program.clone()).await;
                     let now = self.light_reference(app).await;
                     if now != light_reference {
@@ -213,6 +215,9 @@ impl StandingAgent {
 
     /// A trainee typed code and PIN at the box.
     async fn check_in(&self, app: &App, code: &str, pin: &str) -> Result<(), (CheckInRefusal, u64)> {
+        if app.box_agents.is_recording(self.of) {
+            return Err((CheckInRefusal::Recording, 0));
+        }
         let code = code.trim().to_lowercase();
         let attempts = app.box_agents.pin_attempts();
         attempts.attempt(self.of, &code).map_err(|wait| (CheckInRefusal::TooMany, wait.as_secs() + 1))?;
@@ -250,12 +255,6 @@ impl StandingAgent {
         Some(NamedTask { id: task.id, name: task.name.into() })
     }
 
-    async fn send_check_in_address(&self, app: &App, socket: &mut WebSocket) -> Result<(), Ended> {
-        let code = app.box_agents.new_check_in_code(self.of);
-        let address = format!("{}/check-in?box={}#{}", self.base, self.code, code.as_str());
-        send(socket, &ToAgent::CheckInAddress { address }).await
-    }
-
     /// What the brightness of the picture is compared with: it begins anew with a calibration and with a passed self-test.
     async fn light_reference(&self, app: &App) -> String {
         let calibration = app.store.calibrations().in_use(&self.scope, self.of).await.ok().flatten();
@@ -290,8 +289,40 @@ impl App {
             Some(check_in) => Some(Box::new(self.checked_in(check_in).await?)),
             None => None,
         };
-        self.box_agents.send(of, ToAgent::CheckedIn { by });
+        self.box_agents.send(of, ToAgent::CheckedIn { by, ended: None });
         Ok(())
+    }
+
+    /// Ends the check-ins of trainees who do not consent to recordings any more, or have no record any more: it was erased,
+    /// or merged with another one. Call it after each change that may have that effect.
+    pub(in crate::http) async fn end_invalid_check_ins(&self) {
+        for (of, CheckIn { trainee, scope, .. }) in self.box_agents.check_ins() {
+            let ended = match self.why_check_in_ends(&scope, trainee.id).await {
+                Ok(ended) => ended,
+                Err(error) => {
+                    tracing::error!(%error, in_box = %of, "a check-in was not checked; looked at again within a minute");
+                    continue;
+                }
+            };
+            if ended.is_some() && self.box_agents.end_check_in(of, trainee.id) {
+                tracing::info!(in_box = %of, ?ended, "check-in ended");
+                self.box_agents.send(of, ToAgent::CheckedIn { by: None, ended });
+            }
+        }
+    }
+
+    async fn why_check_in_ends(&self, scope: &Scope, trainee: TraineeId) -> Result<Option<CheckInEnd>, StoreError> {
+        match self.store.trainees().get(scope, &Key::from(&trainee)).await {
+            Ok(found) if found.id == trainee => {}
+            Ok(_) | Err(StoreError::NotFound { .. }) => return Ok(Some(CheckInEnd::NoRecord)), // another one leads on
+            Err(error) => return Err(error),
+        }
+        match self.store.consents().require(scope, trainee).await {
+            Ok(()) => Ok(None),
+            Err(StoreError::ConsentMissing { .. }) => Ok(Some(CheckInEnd::NoConsent)),
+            Err(StoreError::NotFound { .. }) => Ok(Some(CheckInEnd::NoRecord)),
+            Err(error) => Err(error),
+        }
     }
 
     async fn checked_in(&self, check_in: CheckIn) -> HandlerResult<CheckedIn> {
@@ -316,7 +347,7 @@ impl App {
         Ok(Some(self.judged_session(scope, found).await?.as_last_recording()))
     }
 
-    async fn named_trainee_of(&self, scope: &Scope, id: crate::ids::TraineeId) -> HandlerResult<NamedTrainee> {
+    async fn named_trainee_of(&self, scope: &Scope, id: TraineeId) -> HandlerResult<NamedTrainee> {
         let found = self.store.trainees().get(scope, &Key::from(&id)).await?;
         Ok(NamedTrainee { id: found.id, name: found.name.into() })
     }

@@ -50,7 +50,7 @@ pub async fn check_in(
         None => None,
     };
     app.store.consents().require(&by.scope, trainee.id).await?;
-    if app.box_agents.view(of).state.is_some_and(|state| state.recording.is_some()) {
+    if app.box_agents.is_recording(of) {
         return Err(Refusal::Conflict.with("The box is recording. Check in when the recording has ended."));
     }
     let is_at_box = new.code.as_deref().is_some_and(|code| app.box_agents.use_check_in_code(of, code));

@@ -78,6 +78,7 @@ pub async fn merge(
         let feeds = app.feeds.clone();
         app.shutdown.spawn(async move { feeds.end_recordings_of(kept.id).await });
     }
+    app.end_invalid_check_ins().await;
     Ok(Created { location: format!("/api/v1/trainees/{}/merges", kept.id), made: made.into() })
 }
 
@@ -95,7 +96,9 @@ pub async fn separate(
     Json(wanted): Json<RecordSeparation>,
 ) -> HandlerResult<Json<MergeResponse>> {
     let kept = app.store.trainees().get(&by.scope, &Key::from(&key)).await?.id;
-    Ok(Json(app.store.record_merges().separate_trainees(&by.scope, kept, merge, wanted.why).await?.into()))
+    let separated = app.store.record_merges().separate_trainees(&by.scope, kept, merge, wanted.why).await?;
+    app.end_invalid_check_ins().await;
+    Ok(Json(separated.into()))
 }
 
 impl App {

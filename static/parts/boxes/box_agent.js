@@ -47,7 +47,7 @@ const sinceText = when => (date(when) === date(new Date().toISOString()) ? dateT
 
 /** What keeps a live box from working, in a few words; null if nothing does. */
 function faultOf(agent) {
-  if (!agent.camera?.is_open) return words.cameraMissing;
+  if (agent.camera && !agent.camera.is_open) return words.cameraMissing;
   if (agent.clock?.is_wrong) return words.clockWrong;
   if (agent.spool?.refused) return words.refused;
   return null;
@@ -91,7 +91,8 @@ function LiveAgent({ box, agent, person, onChange }) {
 }
 
 function cameraText(camera) {
-  if (!camera?.is_open) return words.cameraMissing;
+  if (!camera) return words.notYet;
+  if (!camera.is_open) return words.cameraMissing;
   const rate = camera.frame_rate_hz === null || camera.frame_rate_hz === undefined ? '' : words.rate(number(camera.frame_rate_hz));
   return [`${camera.width} × ${camera.height}`, rate, camera.is_exposure_held ? words.held : ''].filter(Boolean).join(' · ');
 }
@@ -104,8 +105,11 @@ function lightText(light) {
   return (change > 0 ? words.brighter : words.darker)(percent(Math.abs(change)));
 }
 
-const spoolText = spool =>
-  !spool || spool.recordings === 0 ? words.nothingWaits : words.waits(spool.recordings, spool.frames, bytes(spool.bytes));
+function spoolText(spool) {
+  if (!spool || spool.recordings === 0) return words.nothingWaits;
+  const all = words.waits(spool.recordings, spool.frames, bytes(spool.bytes));
+  return spool.unnamed ? `${all} · ${words.unnamedOf(spool.unnamed)}` : all;
+}
 
 function offsetText(ms) {
   const seconds = Math.abs(ms) / 1000;
@@ -130,16 +134,26 @@ function AgentCommands({ box, agent, person, onChange }) {
     <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
     ${running ? html`
       <div class="row apart">
-        <strong>${running.trainee ? words.records(running.trainee.name, running.task?.name ?? '') : words.recordsAnother}</strong>
+        <strong>${recordsText(running)}</strong>
         <span class="row">
           ${running.session && html`<a class="button" href=${href(['sessions', running.session])}>${words.watch}</a>`}
-          ${running.trainee && html`<button class="button main" type="button" disabled=${busy}
+          ${(running.trainee || (running.is_unnamed && may(person, 'upload'))) && html`<button class="button main" type="button" disabled=${busy}
             onClick=${() => send(() => api.boxes.stop(box.id))}>${words.stop}</button>`}
         </span>
-      </div>`
+      </div>
+      ${running.is_unnamed && may(person, 'upload') && html`<p class="muted">${words.unnamedBody} <a
+        href=${href(['waiting'])}>${t.waiting.title}</a>.</p>`}`
       : html`<${StartForm} person=${person} agent=${agent} busy=${busy}
           onStart=${target => send(() => api.boxes.start(box.id, target))} />`}`;
 }
+
+function recordsText(running) {
+  if (running.is_unnamed) return words.recordsUnnamed;
+  return running.trainee ? words.records(running.trainee.name, running.task?.name ?? '') : words.recordsAnother;
+}
+
+/** The choice of no trainee. */
+const UNNAMED = 'unnamed';
 
 /** @param {Props} props */
 function StartForm({ person, agent, busy, onStart }) {
@@ -152,11 +166,14 @@ function StartForm({ person, agent, busy, onStart }) {
   const [task, setTask] = useState('');
   if (!lists || (!own && !may(person, 'upload'))) return null;
   const options = (label, items) => [['', label], ...items.map(item => [item.id, item.name])];
+  const isUnnamed = trainee === UNNAMED;
+  const target = isUnnamed ? { without_name: true, task: task || undefined } : { trainee, task };
+  const trainees = [...options(t.target.choose, lists.trainees), [UNNAMED, words.unnamed]];
   return html`
-    <form class="fields" onSubmit=${event => (event.preventDefault(), onStart({ trainee, task }))}>
-      ${!own && html`<${Field} type="select" required label=${t.target.trainee} value=${trainee} options=${options(t.target.choose, lists.trainees)}
+    <form class="fields" onSubmit=${event => (event.preventDefault(), onStart(target))}>
+      ${!own && html`<${Field} type="select" required label=${t.target.trainee} value=${trainee} options=${trainees}
         onInput=${event => setTrainee(event.target.value)} />`}
-      <${Field} type="select" required label=${t.target.task} value=${task} options=${options(t.target.choose, lists.tasks)}
+      <${Field} type="select" required=${!isUnnamed} label=${t.target.task} value=${task} options=${options(t.target.choose, lists.tasks)}
         onInput=${event => setTask(event.target.value)} />
       <div class="wide"><button class="button main" disabled=${busy || !agent.camera?.is_open}>${words.start}</button></div>
     </form>`;

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
+use trocar::media::{MediaLimits, VideoFile};
 
 use super::centre::Centre;
 use crate::box_agent::{BoxComputer, StandingAgent};
@@ -156,7 +157,7 @@ async fn trainees_record_themselves_only_and_not_without_consent() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_trainee_checks_in_with_the_code_on_the_screen_and_records_there() {
     let box_1 = Box1::open().await;
-    let agent = box_1.stand_by(&[]).await;
+    let agent = box_1.stand_by(&["--require-check-in"]).await;
     let refused = press(&agent, "/start", json!({})).await;
     assert_eq!(refused.status(), StatusCode::CONFLICT);
     let why: Value = refused.json().await.unwrap();
@@ -174,6 +175,7 @@ async fn a_trainee_checks_in_with_the_code_on_the_screen_and_records_there() {
     let checked_in = read(ada.put(check_in, json!({"code": code, "task": "peg"})).await, StatusCode::OK).await;
     assert_eq!(checked_in["checked_in"]["trainee"]["code"], "ada", "{checked_in}");
     problem(box_1.centre.other_trainee.put(check_in, json!({"code": code})).await, 422, "invalid").await;
+    screen_until(&agent, |state| state["check_in_address"].as_str().is_some_and(|next| next != address)).await;
     let hidden = box_1.centre.other_trainee.read(AGENT).await;
     assert_eq!(hidden["checked_in"]["trainee"], Value::Null);
     problem(box_1.centre.other_trainee.delete(check_in).await, 404, "not-found").await;
@@ -307,4 +309,135 @@ async fn an_agent_that_is_killed_sends_the_rest_at_its_next_start() {
     assert_eq!(session["trainee"]["code"], "ada");
     box_1.until(|state| state["spool"]["recordings"] == 0).await;
     assert_eq!(box_1.computer.spooled(), 0);
+}
+
+/// The recordings that wait for a name, once there are so many.
+async fn waiting(box_1: &Box1, count: usize) -> Vec<Value> {
+    let all = |list: &Value| list["items"].as_array().is_some_and(|items| items.len() == count);
+    let list = box_1.centre.instructor.read_until("/api/v1/waiting-recordings", all).await;
+    list["items"].as_array().unwrap().clone()
+}
+
+/// Number of pictures in the file of a recording that waits for a name, and how long it is, s.
+async fn pictures(box_1: &Box1, waiting: &Value) -> (u64, f64) {
+    let path = format!("/api/v1/waiting-recordings/{}/video", waiting["id"].as_str().unwrap());
+    let video = box_1.centre.instructor.request(Method::GET, &path).send().await.unwrap();
+    let bytes = std::io::Cursor::new(video.bytes().await.unwrap());
+    let mut video = VideoFile::open(bytes, MediaLimits::default()).unwrap();
+    let times: Vec<f64> =
+        std::iter::from_fn(|| video.next_picture().unwrap()).map(|picture| picture.frame().time_s).collect();
+    (times.len() as u64, times.last().unwrap() - times[0])
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn without_a_check_in_a_recording_waits_for_a_name() {
+    let box_1 = Box1::open().await;
+    let agent = box_1.stand_by(&["--clock-offset-ms", &DAY_MS.to_string()]).await;
+    box_1.until(|state| state["clock"]["is_wrong"] == true).await;
+    let (instructor, ada) = (&box_1.centre.instructor, &box_1.centre.trainee);
+    assert_eq!(press(&agent, "/start", json!({})).await.status(), StatusCode::NO_CONTENT);
+    let running = box_1.until(|state| state["recording"]["frames"].as_u64() > Some(25)).await;
+    let recording = &running["recording"];
+    assert_eq!((&recording["is_unnamed"], &recording["trainee"]), (&json!(true), &Value::Null), "{recording}");
+    // A check-in during the recording would look as if it named it.
+    problem(instructor.put("/api/v1/boxes/box-1/check-in", json!({"trainee": "ada"})).await, 409, "conflict").await;
+    press(&agent, "/check-in", json!({"trainee": "ada", "pin": "2580"})).await;
+    screen_until(&agent, |state| state["refusal"][0] == "recording").await;
+    let refused = problem(box_1.stop(ada).await, 409, "conflict").await;
+    assert!(refused["detail"].as_str().unwrap().contains("without a name"), "{refused}");
+    read(box_1.stop(&box_1.centre.other_instructor).await, StatusCode::OK).await;
+    screen_until(&agent, |state| state["last_unnamed"] == "waits").await;
+    let first = waiting(&box_1, 1).await.remove(0);
+    assert_eq!((&first["box"]["code"], &first["source"]), (&json!("box-1"), &json!("agent")), "{first}");
+    assert_eq!((&first["trainee"], &first["task"]), (&Value::Null, &Value::Null));
+    let time = |field: &str| trocar::time::from_rfc3339(first[field].as_str().unwrap()).unwrap();
+    assert!((0..20_000).contains(&(time("arrived_at") - time("recorded_at"))), "the clock is off by a day: {first}");
+    let (count, seconds) = pictures(&box_1, &first).await;
+    assert!(count > 25 && (seconds - (count - 1) as f64 / 25.0).abs() < 0.01, "{count} pictures in {seconds} s");
+
+    for (by, body, status) in [
+        (ada, json!({"without_name": true}), 403),
+        (instructor, json!({"without_name": true, "trainee": "ada"}), 422),
+        (instructor, json!({"trainee": "ada"}), 422),
+    ] {
+        assert_eq!(box_1.start(by, body.clone()).await.status(), status, "{body}");
+    }
+    let started = box_1.start(instructor, json!({"without_name": true, "task": "peg"})).await;
+    assert_eq!(read(started, StatusCode::OK).await["recording"]["task"]["code"], "peg");
+    assert_eq!(ada.read(AGENT).await["recording"]["task"], Value::Null, "trainees do not see what it is");
+    box_1.until(|state| state["recording"]["frames"].as_u64() > Some(5)).await;
+    read(box_1.stop(instructor).await, StatusCode::OK).await;
+    let second = waiting(&box_1, 2).await.into_iter().find(|one| one["id"] != first["id"]).unwrap();
+    assert_eq!(second["task"]["code"], "peg");
+    let named = json!({"items": [{"id": second["id"], "trainee": "ada"}]});
+    let named = read(instructor.post("/api/v1/waiting-recordings/assign", named).await, StatusCode::OK).await;
+    assert!(named["results"][0]["session"].is_string(), "{named}");
+    let audit = box_1.centre.administrator.read("/api/v1/audit-entries?limit=20").await;
+    let entries: Vec<(&str, &str)> = audit["items"].as_array().unwrap().iter().map(entry).collect();
+    for wanted in [("start recording without a name", "box"), ("stop recording", "box")] {
+        assert!(entries.contains(&wanted), "{wanted:?} in {entries:?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_without_a_name_survives_a_power_cut_and_arrives_once() {
+    let box_1 = Box1::open().await;
+    let agent = box_1.stand_by(&[]).await;
+    assert_eq!(press(&agent, "/start", json!({})).await.status(), StatusCode::NO_CONTENT);
+    box_1.until(|state| state["recording"]["frames"].as_u64() > Some(50)).await;
+    agent.kill();
+    let copy = box_1.computer.spool().with_extension("copy");
+    let spool = box_1.computer.spool();
+    let cp = |from: &std::path::Path, to: &std::path::Path| {
+        assert!(std::process::Command::new("cp").arg("-r").arg(from).arg(to).status().unwrap().success());
+    };
+    cp(&spool, &copy);
+    let agent = box_1.stand_by(&[]).await;
+    let arrived = waiting(&box_1, 1).await.remove(0);
+    assert!(pictures(&box_1, &arrived).await.0 > 20, "at most the last second is lost");
+    agent.kill();
+    // The answer was lost: the agent sends the same recording again.
+    std::fs::remove_dir_all(&spool).unwrap();
+    cp(&copy, &spool);
+    let _agent = box_1.stand_by(&[]).await;
+    box_1.until(|state| state["spool"]["recordings"] == 0 && state["spool"]["refused"].is_null()).await;
+    assert_eq!(waiting(&box_1, 1).await[0]["id"], arrived["id"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_check_in_ends_at_once_with_the_consent_and_with_the_record() {
+    let box_1 = Box1::open().await;
+    let agent = box_1.stand_by(&[]).await;
+    let (admin, ada) = (&box_1.centre.administrator, &box_1.centre.trainee);
+    let text = json!({"en": {"title": "Recordings", "body": "We record you."}, "required_from": "2020-01-01"});
+    let text = admin.make("/api/v1/consent-texts", text).await["id"].clone();
+    let decide = async |decision: &str| {
+        ada.make("/api/v1/trainees/ada/consents", json!({"text": text, "decision": decision})).await;
+    };
+    let check_in = async |trainee: &str| {
+        let put = admin.put("/api/v1/boxes/box-1/check-in", json!({"trainee": trainee})).await;
+        read(put, StatusCode::OK).await;
+        screen_until(&agent, |state| state["checked_in"].is_object() && state["check_in_end"].is_null()).await;
+    };
+    let ended = async |why: &str| {
+        assert_eq!(admin.read(AGENT).await["checked_in"], Value::Null, "at once");
+        screen_until(&agent, |state| state["checked_in"].is_null() && state["check_in_end"] == why).await;
+    };
+    decide("given").await;
+    check_in("ada").await;
+    decide("withdrawn").await;
+    ended("no-consent").await;
+    decide("given").await;
+    check_in("ada").await;
+    let other = admin.make("/api/v1/trainees", json!({"name": "Ada N", "code": "ada-n"})).await;
+    let merged = json!({"trainee": "ada", "why": "one person"});
+    read(
+        admin.post(&format!("/api/v1/trainees/{}/merges", other["id"].as_str().unwrap()), merged).await,
+        StatusCode::CREATED,
+    )
+    .await;
+    ended("no-record").await;
+    check_in("ada-n").await;
+    assert_eq!(admin.delete("/api/v1/trainees/ada-n").await.status(), StatusCode::NO_CONTENT);
+    ended("no-record").await;
 }

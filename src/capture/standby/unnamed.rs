@@ -1,0 +1,128 @@
+//! Recordings without a name: made when no trainee is checked in, and sent as files once they have ended. On the server
+//! they wait until staff say whose they are.
+
+use std::future::Future;
+use std::path::PathBuf;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::time::sleep;
+
+use super::Standby;
+use super::recording::SpoolOutcome;
+use crate::capture::recording_file::{RecordingFileError, write_file};
+use crate::ids::FeedId;
+use crate::time::from_rfc3339;
+
+/// Longest recording without a name, s: one that was started by mistake must not fill the disk. Half an hour at 36 Mbit/s
+/// has the size that the server takes in one request.
+pub(super) const MAX_SECONDS: f64 = 30.0 * 60.0;
+/// First and longest pause before a recording is sent again; each pause is twice the one before.
+const MIN_PAUSE: Duration = Duration::from_millis(500);
+const MAX_PAUSE: Duration = Duration::from_secs(15);
+
+/// The file of a recording without a name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnnamedFile {
+    /// The file.
+    pub path: PathBuf,
+    /// Its name, for people.
+    pub filename: String,
+    /// When the recording began, RFC 3339; `None`: not known.
+    pub recorded_at: Option<String>,
+    /// Id of the task, if it is known.
+    pub task: Option<String>,
+}
+
+/// The result of sending a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FileOutcome {
+    /// The server has it.
+    Received,
+    /// Try again later: why.
+    Retry(String),
+    /// The server refuses it: why, and what to do.
+    Refused(String),
+}
+
+/// Sends a file to the server.
+pub type SendFile = Arc<dyn Fn(UnnamedFile) -> Pin<Box<dyn Future<Output = FileOutcome> + Send>> + Send + Sync>;
+
+/// What became of the last recording without a name, for the box's screen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum UnnamedState {
+    /// It is kept here until the server can be reached.
+    Kept,
+    /// It waits for a name on the server.
+    Waits,
+}
+
+impl Standby {
+    /// Sends a recording without a name that has ended.
+    pub(super) async fn send_unnamed(&self, id: FeedId) -> SpoolOutcome {
+        if let Some(why) = self.parts().server.why_not_of_this_box(&self.parts().agent, id) {
+            return SpoolOutcome::Refused(why);
+        }
+        let mut pause = MIN_PAUSE;
+        loop {
+            let agent = self.parts().agent.clone();
+            let written = tokio::task::spawn_blocking(move || write_file(&agent, id)).await;
+            let outcome = match written {
+                Ok(Ok(true)) => match self.unnamed_file(id) {
+                    Some(file) => (self.parts().send_file)(file).await,
+                    None => FileOutcome::Retry("the spool is full, and the file of the recording was dropped".into()),
+                },
+                Ok(Ok(false)) => {
+                    self.remove_sent(id);
+                    return SpoolOutcome::Empty;
+                }
+                Ok(Err(error @ RecordingFileError::Mux(_))) => FileOutcome::Refused(error.to_string()),
+                Ok(Err(error)) => FileOutcome::Retry(error.to_string()),
+                Err(panic) => FileOutcome::Refused(panic.to_string()),
+            };
+            match outcome {
+                FileOutcome::Received => {
+                    self.remove_sent(id);
+                    let mut facts = self.facts();
+                    facts.last_unnamed =
+                        facts.last_unnamed.filter(|last| last.0 == id).map(|_| (id, UnnamedState::Waits));
+                    return SpoolOutcome::Sent;
+                }
+                FileOutcome::Refused(why) => {
+                    let kept = self.parts().agent.spool().path(id);
+                    tracing::error!(recording = %id, why, "the server refused a recording without a name; it stays here");
+                    return SpoolOutcome::Refused(format!("{why}. The recording stays in {}", kept.display()));
+                }
+                FileOutcome::Retry(why) => {
+                    tracing::warn!(recording = %id, why, "recording without a name not sent; next attempt after a pause");
+                    sleep(pause).await;
+                    pause = (2 * pause).min(MAX_PAUSE);
+                }
+            }
+        }
+    }
+
+    fn unnamed_file(&self, id: FeedId) -> Option<UnnamedFile> {
+        let spool = self.parts().agent.spool();
+        let recording = spool.get(id)?;
+        let path = recording.file()?;
+        let hello = &recording.hello;
+        // A clock that was wrong before the server was first heard of: the time of arrival is nearer to the truth.
+        let is_past = from_rfc3339(&hello.began_at).is_some_and(|began_ms| began_ms <= self.corrected_now_ms());
+        let in_box = recording.in_box.as_deref().unwrap_or_default();
+        Some(UnnamedFile {
+            path,
+            filename: format!("{in_box} {}.mp4", hello.began_at.replace(':', "-")),
+            recorded_at: is_past.then(|| hello.began_at.clone()),
+            task: Some(hello.task.clone()).filter(|task| !task.is_empty()),
+        })
+    }
+
+    fn remove_sent(&self, id: FeedId) {
+        if let Err(error) = self.parts().agent.spool().remove(id) {
+            tracing::warn!(recording = %id, %error, "a recording that the server has cannot be removed from the spool");
+        }
+    }
+}
