@@ -120,6 +120,12 @@ impl Server {
         ))
     }
 
+    /// Connects as an agent that stands by would, and ends the connection before its first message: an agent that is
+    /// connected notices nothing. Returns what is wrong; `None`: nothing.
+    pub async fn check(&self) -> Option<DisconnectOutcome> {
+        self.connect_in_time("agent-connection").await.err()
+    }
+
     /// Connects to a WebSocket of the box, within a limited time.
     pub(super) async fn connect_in_time(&self, what: &str) -> Result<Socket, DisconnectOutcome> {
         let silent = |_| Err(retry(format!("no answer within {CONNECT_TIMEOUT:?}")));
@@ -348,11 +354,18 @@ pub(super) fn outcome_of_close_code(number: u16, why: &str) -> DisconnectOutcome
 /// What to do after this HTTP status in place of a connection.
 fn outcome_of_http_status(status: u16, token_file: &str) -> DisconnectOutcome {
     match status {
-        401 => DisconnectOutcome::Refused(format!("the token in {token_file} is not valid: put a new one there (401)")),
-        403 => {
-            DisconnectOutcome::Refused(format!("the token in {token_file} may not send recordings of this box (403)"))
-        }
-        404 => DisconnectOutcome::Refused("the token's user has no such box, or the address is wrong (404)".into()),
+        401 => DisconnectOutcome::Refused(format!(
+            "the token in {token_file} is not valid: it has expired, was withdrawn, or is of another server; make a new \
+             one for the box and put it there (401)"
+        )),
+        403 => DisconnectOutcome::Refused(format!(
+            "the token in {token_file} may not send recordings of this box: use one of a box's agent (403)"
+        )),
+        404 => DisconnectOutcome::Refused(
+            "the token is of another box, no box has this code, or the address is wrong: compare box and address with \
+             the page Boxes (404)"
+                .into(),
+        ),
         400..500 if status != 408 && status != 429 => {
             DisconnectOutcome::Refused(format!("the server refused the connection with status {status}"))
         }

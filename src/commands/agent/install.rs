@@ -5,21 +5,28 @@ use std::fs;
 use std::io::Write;
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 
 use super::key_value;
 use super::standby::installed_spool;
-use crate::capture::connection::Server;
+use crate::capture::connection::{DisconnectOutcome, Server};
 use crate::commands::CommandFailure;
 use crate::commands::greeting::print_line;
+use crate::media::CaptureSource;
 
 /// Name of the unit. A unit of this name in `/etc` replaces the one of the Debian package.
 const UNIT: &str = "trocar-agent.service";
 /// Where systemd looks for units of the administrator, and the token's place.
 const UNITS: &str = "/etc/systemd/system";
 const TOKEN: &str = "/etc/trocar/agent.token";
+/// How long the camera may take to open.
+const OPEN_TIMEOUT: Duration = Duration::from_secs(15);
+/// Cameras that a message names.
+const MAX_CAMERAS: usize = 8;
 /// Longest value of an argument in a unit, bytes.
 const MAX_ARGUMENT_BYTES: usize = 1000;
 
@@ -44,9 +51,15 @@ pub(super) struct InstallArgs {
     /// FFmpeg option for the camera, such as video_size=1280x720; may be repeated
     #[arg(long = "option", value_name = "KEY=VALUE", value_parser = key_value)]
     options: Vec<(String, String)>,
+    /// Make no recordings without a name: the button and the key do nothing until a trainee has checked in
+    #[arg(long)]
+    require_check_in: bool,
     /// Print the unit, and change nothing
     #[arg(long)]
     print: bool,
+    /// Install although the camera or the server may not be there yet
+    #[arg(long)]
+    without_checks: bool,
     /// Camera, such as /dev/video0; /dev/v4l/by-id/… names one camera, also when others are plugged in
     source: String,
 }
@@ -72,8 +85,16 @@ pub(super) fn run(args: InstallArgs) -> Result<(), CommandFailure> {
         .with_context(|| format!("reading the token {}", args.token_file.display()))
         .map_err(CommandFailure::Input)?;
     if !token.trim().starts_with("trc_") {
-        let why = anyhow!("{} holds no token; it begins with trc_", args.token_file.display());
+        let shown = args.token_file.display();
+        let why = anyhow!("{shown} holds no token; a token begins with trc_. Make one for the box, see docs/agent.md");
         return Err(CommandFailure::Input(why));
+    }
+    check_system().map_err(|why| CommandFailure::Input(anyhow!(why)))?;
+    if !args.without_checks {
+        check_camera(&args).and_then(|()| check_server(&args)).map_err(|why| {
+            let hint = "nothing was installed. To install all the same, add --without-checks";
+            CommandFailure::Input(anyhow!("{why}; {hint}"))
+        })?;
     }
     write_private(Path::new(TOKEN), token.trim().as_bytes()).with_context(as_root(TOKEN))?;
     let path = Path::new(UNITS).join(UNIT);
@@ -86,6 +107,86 @@ pub(super) fn run(args: InstallArgs) -> Result<(), CommandFailure> {
         print_line(&format!("The page of the box's screen: http://127.0.0.1:{port}/"));
     }
     Ok(())
+}
+
+/// Fails if no service can be installed on this system, or not by this user.
+fn check_system() -> Result<(), &'static str> {
+    // The test of sd_booted(3): systemd may be installed without running.
+    if !Path::new("/run/systemd/system").is_dir() {
+        return Err("systemd does not run on this computer, so no service was installed: let another program start \
+                    `trocar agent stand-by` with the same arguments, and start it again when it ends");
+    }
+    if !rustix::process::geteuid().is_root() {
+        return Err("only root can install a service: run the command with sudo");
+    }
+    Ok(())
+}
+
+/// Fails if the camera cannot be opened. A service that runs already has it, so it is not opened then.
+fn check_camera(args: &InstallArgs) -> Result<(), String> {
+    let source = &args.source;
+    if !source.contains("://") && !Path::new(source).exists() {
+        return Err(format!("{source} does not exist: {}", other_cameras(&cameras())));
+    }
+    let is_active = Command::new("systemctl").args(["is-active", "--quiet", UNIT]).stderr(Stdio::null()).status();
+    if is_active.is_ok_and(|status| status.success()) {
+        return Ok(());
+    }
+    let (ended, opened) = mpsc::channel();
+    let (address, options, began) = (source.clone(), args.options.clone(), Instant::now());
+    std::thread::spawn(move || {
+        let camera = CaptureSource::open(&address, &options, move || began.elapsed() > OPEN_TIMEOUT);
+        let _ = ended.send(camera.map(drop).map_err(|error| error.to_string())); // the command may have ended
+    });
+    let opened = opened.recv_timeout(OPEN_TIMEOUT + Duration::from_secs(1));
+    match opened.unwrap_or_else(|_| Err(format!("no answer within {OPEN_TIMEOUT:?}"))) {
+        Ok(()) => Ok(()),
+        Err(why) => Err(format!(
+            "the camera {source} cannot be used ({why}): {}; if it is the right one, close the programs that use it and \
+             compare the --option arguments with `v4l2-ctl -d {source} --list-formats-ext`",
+            other_cameras(&cameras())
+        )),
+    }
+}
+
+/// The cameras of this computer, by their lasting names if they have such.
+fn cameras() -> Vec<PathBuf> {
+    let files = |folder: &str| -> Vec<PathBuf> {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+        let mut found: Vec<PathBuf> = entries.collect();
+        found.sort();
+        found
+    };
+    let lasting = files("/dev/v4l/by-id");
+    if !lasting.is_empty() {
+        return lasting;
+    }
+    let is_camera = |path: &PathBuf| path.to_string_lossy().starts_with("/dev/video");
+    files("/dev").into_iter().filter(is_camera).collect()
+}
+
+fn other_cameras(found: &[PathBuf]) -> String {
+    if found.is_empty() {
+        return "no camera is plugged in; plug it in".to_owned();
+    }
+    let names: Vec<String> = found.iter().take(MAX_CAMERAS).map(|path| path.display().to_string()).collect();
+    format!("plug it in, or name one of {}", names.join(", "))
+}
+
+/// Fails if the server cannot be reached, or refuses the token.
+fn check_server(args: &InstallArgs) -> Result<(), String> {
+    let server = Server::new(&args.server, &args.in_box, &args.token_file)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.map_err(|error| format!("starting the runtime: {error}"))?;
+    match runtime.block_on(server.check()) {
+        None => Ok(()),
+        Some(DisconnectOutcome::Retry { why, .. }) => Err(format!(
+            "the server {} cannot be reached ({why}): compare --server with the address of the pages",
+            args.server
+        )),
+        Some(DisconnectOutcome::Refused(why)) => Err(why),
+        Some(DisconnectOutcome::Complete(_) | DisconnectOutcome::Empty) => Ok(()),
+    }
 }
 
 /// Runs `trocar agent uninstall`.
@@ -121,7 +222,8 @@ fn write_private(path: &Path, content: &[u8]) -> std::io::Result<()> {
 }
 
 fn systemctl<const N: usize>(arguments: [&str; N]) -> Result<(), CommandFailure> {
-    let status = Command::new("systemctl").args(arguments).status().context("running systemctl")?;
+    let status = Command::new("systemctl").args(arguments).status();
+    let status = status.context("running systemctl; without systemd no service can be installed")?;
     if status.success() {
         return Ok(());
     }
@@ -146,6 +248,9 @@ fn unit(args: &InstallArgs, program: &Path) -> Result<String, String> {
     }
     if let Some(key) = &args.key {
         add(&["--key", key])?;
+    }
+    if args.require_check_in {
+        add(&["--require-check-in"])?;
     }
     for (key, value) in &args.options {
         add(&["--option", &format!("{key}={value}")])?;
@@ -225,7 +330,9 @@ mod tests {
             screen: Some(8090),
             key: Some("F9".to_owned()),
             options: vec![("video_size".to_owned(), "1280x720".to_owned())],
+            require_check_in: true,
             print: true,
+            without_checks: false,
             source: source.to_owned(),
         }
     }
@@ -235,7 +342,7 @@ mod tests {
         let unit = unit(&args("/dev/video0"), Path::new("/usr/bin/trocar")).unwrap();
         let command = "ExecStart=/usr/bin/trocar agent stand-by --token-file %d/token --spool /var/lib/trocar-agent \
                        --server https://trocar.example --box box-1 --screen 8090 --key F9 \
-                       --option video_size=1280x720 /dev/video0\n";
+                       --require-check-in --option video_size=1280x720 /dev/video0\n";
         assert!(unit.contains(command), "{unit}");
         assert!(unit.contains("LoadCredential=token:/etc/trocar/agent.token\n") && unit.contains("Restart=always\n"));
     }
@@ -249,6 +356,21 @@ mod tests {
         let Ok(verified) = Command::new("systemd-analyze").arg("verify").arg(&path).output() else { return };
         let said = String::from_utf8_lossy(&verified.stderr);
         assert!(!said.contains(UNIT), "{said}");
+    }
+
+    #[test]
+    fn a_wrong_device_and_a_missing_server_are_named_with_what_to_do() {
+        let why = check_camera(&args("/dev/no-such-camera")).unwrap_err();
+        assert!(why.starts_with("/dev/no-such-camera does not exist: ") && why.contains("plug it in"), "{why}");
+        assert_eq!(other_cameras(&["/dev/video2".into()]), "plug it in, or name one of /dev/video2");
+        let why = check_camera(&args("/dev/null")).unwrap_err();
+        assert!(why.starts_with("the camera /dev/null cannot be used ("), "{why}");
+        let folder = tempfile::tempdir().unwrap();
+        let token_file = folder.path().join("token");
+        fs::write(&token_file, "trc_x").unwrap();
+        let server = "http://127.0.0.1:9".to_owned();
+        let why = check_server(&InstallArgs { server, token_file, ..args("/dev/video0") }).unwrap_err();
+        assert!(why.starts_with("the server http://127.0.0.1:9 cannot be reached ("), "{why}");
     }
 
     #[test]
