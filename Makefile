@@ -124,6 +124,10 @@ feed-faults: test-packages ## send 500 recordings frame by frame, each with ten 
 long-absence: test-packages ## stop the service for ten minutes while an agent records; TROCAR_AWAY_S=60 for one minute
 	cargo test --locked --test integration away_for_long -- --ignored --nocapture
 
+.PHONY: network-outage
+network-outage: test-packages ## take a box's network away for an hour while it records; TROCAR_OUTAGE_MINUTES=2 for two minutes; needs 2 GB of disk
+	cargo test --locked --test integration away_for_an_hour -- --ignored --nocapture
+
 .PHONY: corrections
 corrections: test-packages ## move sessions, merge and separate records 1,000 times at random: every figure equals that of a new centre
 	TROCAR_CORRECTIONS=1000 cargo test --locked --test integration random_corrections -- --nocapture

@@ -22,9 +22,9 @@ use crate::process::program;
 use crate::support::{let_time_pass, poll, poll_until};
 
 /// Number, time in s and hash of the samples of each frame.
-type DecodedFrames = Vec<(u64, f64, u64)>;
+pub(super) type DecodedFrames = Vec<(u64, f64, u64)>;
 
-fn decode(path: &Path) -> DecodedFrames {
+pub(super) fn decode(path: &Path) -> DecodedFrames {
     let mut video = VideoFile::open(std::fs::File::open(path).unwrap(), MediaLimits::default()).unwrap();
     let picture = std::iter::from_fn(|| video.next_picture().unwrap());
     let frames = picture.map(|picture| {
@@ -39,14 +39,14 @@ fn decode(path: &Path) -> DecodedFrames {
 }
 
 /// A service, and what its agent needs: a relay with a fixed address, a token and a spool.
-struct AgentSetup {
-    centre: Centre,
-    folder: tempfile::TempDir,
-    relay: Relay,
+pub(super) struct AgentSetup {
+    pub(super) centre: Centre,
+    pub(super) folder: tempfile::TempDir,
+    pub(super) relay: Relay,
 }
 
 impl AgentSetup {
-    async fn new() -> Self {
+    pub(super) async fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let data = folder.path().join("data");
         let centre = Centre::open_bare(folder, data, |_| ()).await;
@@ -151,9 +151,11 @@ impl Drop for Agent {
 }
 
 /// A fixed address that forwards to the service's present address, or drops connections.
-struct Relay {
-    host: String,
+pub(super) struct Relay {
+    pub(super) host: String,
     target: watch::Sender<Option<String>>,
+    /// True while the network is away: no byte passes, and no connection ends.
+    is_silent: watch::Sender<bool>,
 }
 
 impl Relay {
@@ -161,20 +163,29 @@ impl Relay {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let host = listener.local_addr().unwrap().to_string();
         let (target, to) = watch::channel(Some(service));
+        let (is_silent, silence) = watch::channel(false);
         tokio::spawn(async move {
             while let Ok((mut from, _)) = listener.accept().await {
-                let mut to = to.clone();
+                let (mut to, mut silence, mut after) = (to.clone(), silence.clone(), silence.clone());
                 tokio::spawn(async move {
+                    let _ = after.wait_for(|is_silent| !is_silent).await; // the sender lives as long as the test
                     let Some(service) = to.borrow_and_update().clone() else { return };
                     let Ok(mut service) = TcpStream::connect(service).await else { return };
                     tokio::select! {
                         _ = tokio::io::copy_bidirectional(&mut from, &mut service) => {}
                         _ = to.changed() => {}
+                        _ = silence.wait_for(|is_silent| *is_silent) => {}
                     }
+                    let _ = after.wait_for(|is_silent| !is_silent).await; // then both ends learn that it is cut
                 });
             }
         });
-        Self { host, target }
+        Self { host, target, is_silent }
+    }
+
+    /// Takes the network away, or brings it back.
+    pub(super) fn set_silent(&self, is_silent: bool) {
+        self.is_silent.send_replace(is_silent);
     }
 }
 

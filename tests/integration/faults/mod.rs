@@ -22,6 +22,7 @@ mod feeds;
 mod kills;
 mod morning;
 mod order;
+mod outage;
 mod power;
 mod pushes;
 mod rescoring;
