@@ -122,6 +122,31 @@ test('a trainee checks in with a PIN, and a key starts and stops', async () => {
   await screen.page.getByText('Who trains?').waitFor();
 });
 
+test('without a check-in a recording waits for a name', async () => {
+  await screen.page.getByText('Who trains?').waitFor();
+  await waitUntil(async () => {
+    await screen.page.keyboard.press('Space'); // ignored for a second after the last press
+    return (await screenState()).state.recording;
+  }, 'the recording');
+  await screen.page.getByText('Without a name', { exact: true }).waitFor();
+  await screen.takePictures('unnamed');
+  await admin.open(`/boxes/${made.box.code}`);
+  await admin.page.getByText('Records without a name').waitFor({ timeout: 10_000 });
+  await admin.takePictures('unnamed');
+  await waitUntil(async () => (await agentState()).recording?.frames > 10, 'some frames');
+  await button(admin, 'Stop recording').click();
+  await screen.page.getByText('The last recording waits for a name.').waitFor({ timeout: 10_000 });
+  assert.deepEqual(await violationsOf(screen.page), []);
+  await screen.takePictures('waits');
+  await admin.page.getByLabel('Trainee', { exact: true }).selectOption('unnamed');
+  await button(admin, 'Start recording at the box').click();
+  await admin.page.getByText('Records without a name').waitFor({ timeout: 10_000 });
+  await button(admin, 'Stop recording').click();
+  await admin.open('/waiting?source=agent');
+  await admin.page.getByText(`${made.box.code} 20`).first().waitFor({ timeout: 10_000 });
+  await admin.takePictures('waiting');
+});
+
 test('a trainee checks in from the phone', async () => {
   await waitUntil(async () => (await screenState()).check_in_address, 'the address of the code');
   const { check_in_address: address } = await screenState();
