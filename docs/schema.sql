@@ -452,7 +452,7 @@ CREATE TABLE record_merge (
     created_at_ms     INTEGER NOT NULL CHECK (created_at_ms >= 0),            -- when, epoch ms
     separated_by      TEXT REFERENCES person (id) ON DELETE SET NULL,         -- who separated them; NULL: merged, deleted, or the service
     separated_why     TEXT CHECK (length(separated_why) BETWEEN 1 AND 2000),  -- the reason; NULL: merged
-    separated_at_ms   INTEGER CHECK (separated_at_ms >= created_at_ms),       -- when, epoch ms; NULL: merged
+    separated_at_ms   INTEGER CHECK (separated_at_ms >= created_at_ms), retention_after TEXT CHECK (json_valid(retention_after)),       -- when, epoch ms; NULL: merged
     CHECK ((kept_trainee_id IS NULL) = (merged_trainee_id IS NULL)),
     CHECK ((kept_box_id IS NULL) = (merged_box_id IS NULL)),
     CHECK ((kept_trainee_id IS NULL) <> (kept_box_id IS NULL)),

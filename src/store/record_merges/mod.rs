@@ -6,6 +6,7 @@
 //! |---|---|
 //! | `mod.rs` | what both kinds of merges share |
 //! | `trainees.rs` | what follows a person, and the rules for clashes |
+//! | `retention.rs` | the months for which a person's videos are kept |
 //! | `boxes.rs` | what follows a box |
 //!
 //! A new table that refers to trainees, accounts or boxes needs one entry in the list of its file; a test names tables
@@ -13,6 +14,7 @@
 //! It counts nowhere meanwhile.
 
 mod boxes;
+mod retention;
 mod trainees;
 
 use std::sync::mpsc;
@@ -33,7 +35,10 @@ use crate::ids::{MergeId, PersonId, TraineeId};
 pub use trainees::MergedRecord;
 
 pub(super) use boxes::merged_into as boxes_merged_into;
-pub(super) use trainees::{give_back_all as give_back_trainee, merged_into as trainees_merged_into};
+pub(super) use trainees::{
+    give_back_all as give_back_trainee, holder_of as trainee_holder_of, merged_into as trainees_merged_into,
+    separate_all_of as separate_trainees_from,
+};
 
 /// Access to the merges.
 pub struct RecordMergeStore<'s>(pub(super) &'s Store);
@@ -225,5 +230,6 @@ where
 #[cfg(test)]
 pub(super) fn take_statements() -> Vec<&'static str> {
     let followed = trainees::OF_TRAINEE.iter().chain(trainees::OF_ACCOUNT).chain(boxes::OF_BOX);
-    followed.map(|of| of.take).chain(boxes::VERSIONS_OF_BOX.iter().map(|of| of.take)).collect()
+    let versions = boxes::VERSIONS_OF_BOX.iter().map(|of| of.take);
+    followed.map(|of| of.take).chain([retention::TAKE]).chain(versions).collect()
 }

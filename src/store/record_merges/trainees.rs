@@ -5,18 +5,14 @@
 //! both have an account, that of the merged record is closed, and its identities, tokens and comments follow. A recording
 //! that both records have stays with the merged record. Memberships that both have are one.
 
-use serde::{Deserialize, Serialize};
 use sqlx::sqlite::SqliteConnection;
-use sqlx::types::Json;
 
 use super::super::audit::note;
 use super::super::consents::state_of;
 use super::super::cookies::DELETE_COOKIES_OF;
 use super::super::password_links::DELETE_LINK_OF;
-use super::super::personal_retention::due_videos;
 use super::super::skill_models;
 use super::*;
-use crate::domain::personal_retention::kept_months;
 use crate::domain::record_merge::MergedPart as Part;
 use crate::domain::text::{Code, Key, Login};
 use crate::domain::trainee::{Handedness, Level};
@@ -69,16 +65,6 @@ pub(super) const OF_TRAINEE: &[Followed] = &[
     UPDATE OR IGNORE consent SET trainee_id = $1
     WHERE trainee_id = $2 AND id IN (SELECT row_key FROM record_merge_row WHERE merge_id = $3 AND part = $4)",
         count: "SELECT count(*) FROM consent WHERE trainee_id = $1",
-    },
-    Followed {
-        part: Part::Retention,
-        take: "
-    UPDATE OR IGNORE trainee_retention SET trainee_id = $2 WHERE trainee_id = $1 RETURNING CAST(rowid AS TEXT)",
-        give_back: "
-    UPDATE OR IGNORE trainee_retention SET trainee_id = $1
-    WHERE trainee_id = $2
-      AND CAST(rowid AS TEXT) IN (SELECT row_key FROM record_merge_row WHERE merge_id = $3 AND part = $4)",
-        count: "SELECT count(*) FROM trainee_retention WHERE trainee_id = $1",
     },
     Followed {
         part: Part::AccessEntries,
@@ -190,27 +176,23 @@ const GIVE_HANDEDNESS_BACK: &str = "
     UPDATE trainee SET handedness = NULL
     WHERE id = $2 AND handedness = (SELECT taken_handedness FROM record_merge WHERE id = $1)";
 
-const SELECT_RETENTION: &str = "
-    SELECT months, reason, person_id, changed_at_ms FROM trainee_retention WHERE trainee_id = $1";
-
-const DELETE_RETENTION: &str = "DELETE FROM trainee_retention WHERE trainee_id = $1";
-
-const NOTE_RETENTION: &str = "UPDATE record_merge SET kept_retention = $2 WHERE id = $1";
-
-/// Gives the kept record `$2` the months back that it had before merge `$1`, unless it got others since.
-const RESTORE_RETENTION: &str = "
-    INSERT INTO trainee_retention (trainee_id, months, reason, person_id, changed_at_ms)
-    SELECT $2, kept_retention ->> 'months', kept_retention ->> 'reason',
-           (SELECT id FROM person WHERE id = kept_retention ->> 'person_id'), kept_retention ->> 'changed_at_ms'
-    FROM record_merge WHERE id = $1 AND kept_retention IS NOT NULL ON CONFLICT DO NOTHING";
-
 const SELECT_MERGE: &str = "
     SELECT merged_trainee_id, separated_at_ms IS NOT NULL FROM record_merge WHERE id = $1 AND kept_trainee_id = $2";
 
+/// The merges since `$2` into the record `$1`, and into those that it was merged into itself.
 const SELECT_LATER_MERGES: &str = "
-    SELECT id, merged_trainee_id FROM record_merge
-    WHERE kept_trainee_id = $1 AND separated_at_ms IS NULL AND rowid > (SELECT rowid FROM record_merge WHERE id = $2)
+    WITH RECURSIVE holder (id) AS
+        (VALUES ($1)
+         UNION SELECT kept_trainee_id FROM record_merge JOIN holder ON merged_trainee_id = holder.id
+         WHERE separated_at_ms IS NULL)
+    SELECT id, kept_trainee_id, merged_trainee_id FROM record_merge
+    WHERE kept_trainee_id IN (SELECT id FROM holder) AND separated_at_ms IS NULL
+      AND rowid > (SELECT rowid FROM record_merge WHERE id = $2)
     ORDER BY rowid";
+
+const SELECT_DIRECT_MERGES: &str = "
+    SELECT id, merged_trainee_id FROM record_merge
+    WHERE kept_trainee_id = $1 AND separated_at_ms IS NULL ORDER BY rowid DESC";
 
 const SELECT_MERGE_OF: &str = "
     SELECT id, kept_trainee_id FROM record_merge WHERE merged_trainee_id = $1 AND separated_at_ms IS NULL";
@@ -254,22 +236,6 @@ pub struct MergedRecord {
     pub login: Option<Login>,
     /// When it was merged, epoch ms.
     pub merged_at_ms: i64,
-}
-
-/// Months of a trainee, as the table has them.
-#[derive(Debug, Serialize, Deserialize, sqlx::FromRow)]
-struct OwnMonthsRow {
-    months: u32,
-    reason: Option<Remark>,
-    person_id: Option<PersonId>,
-    changed_at_ms: i64,
-}
-
-impl OwnMonthsRow {
-    /// True if videos are kept for a shorter time than with `other`; 0 months are for ever.
-    fn is_shorter_than(&self, other: &Self) -> bool {
-        self.months != 0 && (other.months == 0 || self.months < other.months)
-    }
 }
 
 impl RecordMergeStore<'_> {
@@ -390,20 +356,25 @@ async fn merge(
     if insert.bind(now_ms).bind(MAX_MERGES).execute(&mut *tx).await?.rows_affected() == 0 {
         return Err(StoreError::refused(format!("{MAX_MERGES} records were merged into this one, which is the limit")));
     }
-    let before = due(tx, kept, centre_months, now_ms).await? + due(tx, merged, centre_months, now_ms).await?;
+    let before = retention::due(tx, kept, centre_months, now_ms).await?
+        + retention::due(tx, merged, centre_months, now_ms).await?;
     let accounts = [account_of(tx, kept).await?, account_of(tx, merged).await?];
-    let mut effect = follow(tx, id, [kept, merged]).await?;
+    let mut effect = follow(tx, id, [kept, merged], true).await?;
     let [own, other] = accounts;
     effect.closed_login = own.and_then(|_| other.as_ref().map(|(_, login)| login.clone()));
     effect.signed_out = other.map(|(account, _)| account).into_iter().collect();
-    effect.due_videos = due(tx, kept, centre_months, now_ms).await?.saturating_sub(before);
+    effect.due_videos = retention::due(tx, kept, centre_months, now_ms).await?.saturating_sub(before);
     effect.consent = Some(state_of(tx, kept, now_ms).await?);
     Ok(effect)
 }
 
-/// Lets follow what can. Returns what it did to the records.
-async fn follow(tx: &mut SqliteConnection, id: MergeId, [kept, merged]: [TraineeId; 2]) -> StoreResult<MergeEffect> {
-    keep_shorter_retention(tx, id, [kept, merged]).await?;
+/// Lets follow what can. Returns what it did to the records. `with_months`: also the months for keeping videos.
+async fn follow(
+    tx: &mut SqliteConnection,
+    id: MergeId,
+    [kept, merged]: [TraineeId; 2],
+    with_months: bool,
+) -> StoreResult<MergeEffect> {
     let level = sqlx::query_scalar(TAKE_LEVEL).bind(merged).bind(kept).fetch_optional(&mut *tx).await?;
     let hand = sqlx::query_scalar(TAKE_HANDEDNESS).bind(merged).bind(kept).fetch_optional(&mut *tx).await?;
     let (level, hand): (Option<String>, Option<String>) = (level, hand);
@@ -411,6 +382,9 @@ async fn follow(tx: &mut SqliteConnection, id: MergeId, [kept, merged]: [Trainee
     sqlx::query(NOTE_TAKEN).bind(id).bind(level).bind(hand).execute(&mut *tx).await?;
     let ids = [merged.to_string(), kept.to_string()];
     let mut counts = take(tx, id, OF_TRAINEE, [&ids[0], &ids[1]]).await?;
+    if with_months {
+        counts.extend(retention::take(tx, id, [kept, merged]).await?);
+    }
     if let [Some((own, _)), Some((closed, _))] = [account_of(tx, kept).await?, account_of(tx, merged).await?] {
         let accounts = [closed.to_string(), own.to_string()];
         counts.extend(take(tx, id, OF_ACCOUNT, [&accounts[0], &accounts[1]]).await?);
@@ -419,22 +393,25 @@ async fn follow(tx: &mut SqliteConnection, id: MergeId, [kept, merged]: [Trainee
     Ok(MergeEffect { counts, takes_level, takes_handedness, ..MergeEffect::default() })
 }
 
-/// Gives back what followed.
-async fn unfollow(tx: &mut SqliteConnection, id: MergeId, [kept, merged]: [TraineeId; 2]) -> StoreResult<()> {
+/// Gives back what followed. Returns false if the kept record got other months for keeping videos since: they stay.
+async fn unfollow(tx: &mut SqliteConnection, id: MergeId, [kept, merged]: [TraineeId; 2]) -> StoreResult<bool> {
     if let [Some((own, _)), Some((closed, _))] = [account_of(tx, kept).await?, account_of(tx, merged).await?] {
         let accounts = [closed.to_string(), own.to_string()];
         give_back(tx, id, OF_ACCOUNT, [&accounts[0], &accounts[1]]).await?;
     }
     let ids = [merged.to_string(), kept.to_string()];
     give_back(tx, id, OF_TRAINEE, [&ids[0], &ids[1]]).await?;
-    for restore in [RESTORE_RETENTION, GIVE_LEVEL_BACK, GIVE_HANDEDNESS_BACK] {
+    let are_months_unchanged = retention::give_back(tx, id, [kept, merged]).await?;
+    for restore in [GIVE_LEVEL_BACK, GIVE_HANDEDNESS_BACK] {
         sqlx::query(restore).bind(id).bind(kept).execute(&mut *tx).await?;
     }
     sqlx::query(DELETE_COOKIES_OF_MOVED_IDENTITIES).execute(&mut *tx).await?;
-    forget_rows(tx, id).await
+    forget_rows(tx, id).await?;
+    Ok(are_months_unchanged)
 }
 
-/// Separates two records. The later merges into the kept one are done again, since more may follow now.
+/// Separates two records. The later merges into the kept one are done again, since more may follow now; so are those of the
+/// kept one into others.
 async fn separate(
     tx: &mut SqliteConnection,
     (by, why, now_ms): (&Scope, &Remark, i64),
@@ -446,15 +423,18 @@ async fn separate(
     for account in accounts {
         sign_out(tx, account).await?;
     }
-    let later: Vec<(MergeId, TraineeId)> =
+    let later: Vec<(MergeId, TraineeId, TraineeId)> =
         sqlx::query_as(SELECT_LATER_MERGES).bind(kept).bind(id).fetch_all(&mut *tx).await?;
-    for (other, other_merged) in later.iter().rev() {
-        unfollow(tx, *other, [kept, *other_merged]).await?;
+    let mut undone = Vec::new();
+    for (other, into, of) in later.into_iter().rev() {
+        skill_models::withdraw(tx, into, now_ms).await?;
+        let are_months_unchanged = unfollow(tx, other, [into, of]).await?;
+        undone.push((other, [into, of], are_months_unchanged));
     }
     unfollow(tx, id, [kept, merged]).await?;
     mark_separated(tx, id, (by, why), now_ms).await?;
-    for (other, other_merged) in later {
-        follow(tx, other, [kept, other_merged]).await?;
+    for (other, records, with_months) in undone.into_iter().rev() {
+        follow(tx, other, records, with_months).await?;
     }
     Ok(())
 }
@@ -469,6 +449,30 @@ pub(in crate::store) async fn give_back_all(
     let Some((id, kept)): Option<(MergeId, TraineeId)> = found else { return Ok(()) };
     let why = Remark::from_stored("–".to_owned());
     separate(tx, (&Scope::service(), &why, now_ms), id, [kept, merged]).await
+}
+
+/// Separates the records that were merged into this one, except these. What was merged into one of those stays so.
+pub(in crate::store) async fn separate_all_of(
+    tx: &mut SqliteConnection,
+    kept: TraineeId,
+    except: &[TraineeId],
+    now_ms: i64,
+) -> StoreResult<()> {
+    let direct: Vec<(MergeId, TraineeId)> = sqlx::query_as(SELECT_DIRECT_MERGES).bind(kept).fetch_all(&mut *tx).await?;
+    let why = Remark::from_stored("–".to_owned());
+    for (id, merged) in direct.into_iter().filter(|(_, merged)| !except.contains(merged)) {
+        separate(tx, (&Scope::service(), &why, now_ms), id, [kept, merged]).await?;
+    }
+    Ok(())
+}
+
+/// The record that this one was merged into.
+pub(in crate::store) async fn holder_of(
+    tx: &mut SqliteConnection,
+    merged: TraineeId,
+) -> StoreResult<Option<TraineeId>> {
+    let found: Option<(MergeId, TraineeId)> = sqlx::query_as(SELECT_MERGE_OF).bind(merged).fetch_optional(tx).await?;
+    Ok(found.map(|(_, kept)| kept))
 }
 
 /// The records that were merged into this one.
@@ -494,28 +498,4 @@ async fn sign_out(tx: &mut SqliteConnection, account: PersonId) -> StoreResult<(
     sqlx::query(DELETE_COOKIES_OF).bind(account).execute(&mut *tx).await?;
     sqlx::query(DELETE_LINK_OF).bind(account).execute(tx).await?;
     Ok(())
-}
-
-/// If both records have own months for keeping videos and those of the merged one are shorter, removes those of the kept
-/// one, so that the others follow.
-async fn keep_shorter_retention(
-    tx: &mut SqliteConnection,
-    id: MergeId,
-    [kept, merged]: [TraineeId; 2],
-) -> StoreResult<()> {
-    let own: Option<OwnMonthsRow> = sqlx::query_as(SELECT_RETENTION).bind(kept).fetch_optional(&mut *tx).await?;
-    let other: Option<OwnMonthsRow> = sqlx::query_as(SELECT_RETENTION).bind(merged).fetch_optional(&mut *tx).await?;
-    let (Some(own), Some(other)) = (own, other) else { return Ok(()) };
-    if other.is_shorter_than(&own) {
-        sqlx::query(NOTE_RETENTION).bind(id).bind(Json(own)).execute(&mut *tx).await?;
-        sqlx::query(DELETE_RETENTION).bind(kept).execute(tx).await?;
-    }
-    Ok(())
-}
-
-/// The number of a trainee's videos that are due to be deleted.
-async fn due(tx: &mut SqliteConnection, trainee: TraineeId, centre_months: u32, now_ms: i64) -> StoreResult<u64> {
-    let own: Option<OwnMonthsRow> = sqlx::query_as(SELECT_RETENTION).bind(trainee).fetch_optional(&mut *tx).await?;
-    let months = kept_months(centre_months, own.map(|own| (own.months, own.reason.is_some())));
-    Ok(due_videos(tx, trainee, months, now_ms).await?.0)
 }
