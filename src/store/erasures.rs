@@ -52,9 +52,9 @@ impl ErasureStore<'_> {
             .await
     }
 
-    /// Erases again what this erasure names. Returns false if it does not exist. A requested erasure waits again until it
-    /// is due; one that was taken back waits no more.
-    pub async fn repeat(&self, Erasure { kind, id, at_ms }: &Erasure) -> StoreResult<bool> {
+    /// Erases again what this erasure names. Returns false if it does not exist. One that was taken back waits no more; one
+    /// that is requested is for [`Self::wait_again`].
+    pub async fn repeat(&self, Erasure { kind, id, .. }: &Erasure) -> StoreResult<bool> {
         let service = Scope::service();
         let erased = match kind {
             ErasedKind::Trainee => self.0.trainees().erase_again(parse(id)?).await,
@@ -64,7 +64,7 @@ impl ErasureStore<'_> {
                 erased => erased,
             },
             ErasedKind::Person => self.0.people().delete(&service, parse(id)?).await,
-            ErasedKind::Pending => return self.wait_again(parse(id)?, *at_ms).await,
+            ErasedKind::Pending => return Ok(false),
             ErasedKind::TakenBack => {
                 return self.0.pending_erasures().remove(&service, parse(id)?).await.map(|_| false);
             }
@@ -76,13 +76,23 @@ impl ErasureStore<'_> {
         }
     }
 
-    async fn wait_again(&self, id: TraineeId, due_at_ms: i64) -> StoreResult<bool> {
-        let service = Scope::service();
-        match self.0.trainees().get(&service, &Key::from(&id)).await {
-            Ok(_) => self.0.pending_erasures().insert(&service, id, due_at_ms).await.map(|()| false),
-            Err(StoreError::NotFound { .. }) => Ok(false),
-            Err(error) => Err(error),
+    /// Lets trainees wait again until the erasures are due that were requested for them, after all else was repeated. Exactly
+    /// the records wait that are named: a record that is merged into another one here waits with that one if both are due at
+    /// the same time, since they were merged when the erasure was requested. Otherwise the two are separated.
+    pub async fn wait_again(&self, requested: &[Erasure]) -> StoreResult<()> {
+        let due: Vec<(TraineeId, i64)> =
+            requested.iter().map(|one| Ok((parse(&one.id)?, one.at_ms))).collect::<StoreResult<_>>()?;
+        for (id, due_at_ms) in &due {
+            match self.0.trainees().get(&Scope::service(), &Key::from(id)).await {
+                Ok(_) => {
+                    let with = due.iter().filter(|one| one.1 == *due_at_ms).map(|one| one.0).collect();
+                    self.0.pending_erasures().insert_again(*id, *due_at_ms, with).await?;
+                }
+                Err(StoreError::NotFound { .. }) => {}
+                Err(error) => return Err(error),
+            }
         }
+        Ok(())
     }
 }
 

@@ -3,10 +3,12 @@
 
 use std::time::Duration;
 
+use sqlx::sqlite::SqliteConnection;
+
 use super::audit::note;
 use super::cookies::DELETE_COOKIES_OF;
 use super::error::{StoreError, StoreResult, not_found};
-use super::record_merges::trainees_merged_into;
+use super::record_merges::{give_back_trainee, separate_trainees_from, trainee_holder_of, trainees_merged_into};
 use super::trainees::{TraineeRecord, erase};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
@@ -137,19 +139,26 @@ impl PendingErasureStore<'_> {
         self.0
             .write_with_delete_reserve(|| {
                 let scope = scope.clone();
+                async move |tx| insert(tx, &scope, id, [now_ms, due_at_ms]).await
+            })
+            .await
+    }
+
+    /// Lets a trainee wait again in a restored backup, for an erasure that is due at this time. `with`: the trainees whose
+    /// erasure was requested for the same time. A record that is merged into one of these waits with it. All other merges of
+    /// the record are undone: they were before the request, or it would name both records.
+    pub(super) async fn insert_again(&self, id: TraineeId, due_at_ms: i64, with: Vec<TraineeId>) -> StoreResult<()> {
+        let now_ms = self.0.now_ms();
+        self.0
+            .write_with_delete_reserve(|| {
+                let with = with.clone();
                 async move |tx| {
-                    let account: Option<PersonId> =
-                        sqlx::query_scalar(SELECT_ACCOUNT_OF_TRAINEE).bind(id).fetch_optional(&mut *tx).await?;
-                    if let Some(account) = account {
-                        sqlx::query(DELETE_COOKIES_OF).bind(account).execute(&mut *tx).await?;
+                    separate_trainees_from(tx, id, &with, now_ms).await?;
+                    match trainee_holder_of(tx, id).await? {
+                        Some(holder) if with.contains(&holder) => return Ok(()),
+                        _ => give_back_trainee(tx, id, now_ms).await?,
                     }
-                    let insert = sqlx::query(INSERT_PENDING).bind(id).bind(now_ms).bind(due_at_ms).bind(scope.person());
-                    insert.execute(&mut *tx).await?;
-                    for record in trainees_merged_into(tx, id).await?.into_iter().chain([id]) {
-                        let listed = sqlx::query(INSERT_ERASURE).bind(ErasedKind::Pending).bind(record).bind(due_at_ms);
-                        listed.execute(&mut *tx).await?;
-                    }
-                    note(tx, &scope, now_ms, ("request erasure", "trainee"), id).await
+                    insert(tx, &Scope::service(), id, [now_ms, due_at_ms]).await
                 }
             })
             .await
@@ -180,6 +189,7 @@ impl PendingErasureStore<'_> {
                     return Ok(false);
                 }
                 for record in trainees_merged_into(tx, id).await?.into_iter().chain([id]) {
+                    sqlx::query(DELETE_PENDING).bind(record).execute(&mut *tx).await?;
                     let listed = sqlx::query(INSERT_ERASURE).bind(ErasedKind::TakenBack).bind(record).bind(now_ms);
                     listed.execute(&mut *tx).await?;
                 }
@@ -209,4 +219,25 @@ impl PendingErasureStore<'_> {
             })
             .await
     }
+}
+
+/// Lets a trainee wait for an erasure that is due at this time, with the records that were merged into theirs.
+async fn insert(
+    tx: &mut SqliteConnection,
+    scope: &Scope,
+    id: TraineeId,
+    [now_ms, due_at_ms]: [i64; 2],
+) -> StoreResult<()> {
+    let account: Option<PersonId> =
+        sqlx::query_scalar(SELECT_ACCOUNT_OF_TRAINEE).bind(id).fetch_optional(&mut *tx).await?;
+    if let Some(account) = account {
+        sqlx::query(DELETE_COOKIES_OF).bind(account).execute(&mut *tx).await?;
+    }
+    let insert = sqlx::query(INSERT_PENDING).bind(id).bind(now_ms).bind(due_at_ms).bind(scope.person());
+    insert.execute(&mut *tx).await?;
+    for record in trainees_merged_into(tx, id).await?.into_iter().chain([id]) {
+        let listed = sqlx::query(INSERT_ERASURE).bind(ErasedKind::Pending).bind(record).bind(due_at_ms);
+        listed.execute(&mut *tx).await?;
+    }
+    note(tx, scope, now_ms, ("request erasure", "trainee"), id).await
 }

@@ -6,8 +6,9 @@ use super::audit::note;
 use super::error::{StoreError, StoreResult, missing, not_found, taken};
 use super::page::{Page, PageRequest};
 use super::pending_erasures::SELECT_ACCOUNT_OF_TRAINEE;
-use super::record_merges::{give_back_trainee, trainees_merged_into};
+use super::record_merges::{give_back_trainee, separate_trainees_from, trainees_merged_into};
 use super::retention::forget_box_jobs_of_trainee;
+use super::sessions::erase_twins;
 use super::tokens::withdraw_tokens;
 use super::visibility::{BindScope, SELECT_AUDIENCE, TraineeAudience, require_staff};
 use super::{Scope, Store, certificates, codes, skill_models};
@@ -213,7 +214,8 @@ impl TraineeStore<'_> {
     }
 }
 
-/// Erases a trainee with the records that were merged into theirs, as [`TraineeStore::erase`] does.
+/// Erases a trainee with the records that were merged into theirs, as [`TraineeStore::erase`] does. A session of theirs that
+/// was moved from another person may be hidden with a record of that person once more: it is erased, too.
 pub(super) async fn erase(
     tx: &mut sqlx::SqliteConnection,
     scope: &Scope,
@@ -221,24 +223,30 @@ pub(super) async fn erase(
     id: TraineeId,
 ) -> StoreResult<()> {
     give_back_trainee(tx, id, now_ms).await?;
-    for merged in trainees_merged_into(tx, id).await? {
-        erase_record(tx, scope, now_ms, merged).await?;
+    let records: Vec<TraineeId> = trainees_merged_into(tx, id).await?.into_iter().chain([id]).collect();
+    for record in &records {
+        let sessions = sqlx::query_scalar(SELECT_SESSIONS_OF_TRAINEE).bind(record).fetch_all(&mut *tx).await?;
+        for session in sessions {
+            erase_twins(tx, scope, session, now_ms).await?; // of records that are merged into those of others
+        }
     }
-    erase_record(tx, scope, now_ms, id).await
+    for record in records {
+        erase_record(tx, scope, now_ms, record).await?;
+    }
+    Ok(())
 }
 
 /// Erases a trainee's record alone, again in a restored backup. A record that is merged into it there is separated: its own
-/// erasure is on the list, unless the two were separated before this one.
+/// erasure is on the list, unless the two were separated before this one. What was merged into that record stays so. If this
+/// record is merged into another one there, the two are separated, since they were before it was erased alone.
 pub(super) async fn erase_again(
     tx: &mut sqlx::SqliteConnection,
     scope: &Scope,
     now_ms: i64,
     id: TraineeId,
 ) -> StoreResult<()> {
-    for merged in trainees_merged_into(tx, id).await? {
-        give_back_trainee(tx, merged, now_ms).await?;
-    }
     give_back_trainee(tx, id, now_ms).await?;
+    separate_trainees_from(tx, id, &[], now_ms).await?;
     erase_record(tx, scope, now_ms, id).await
 }
 

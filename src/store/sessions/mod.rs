@@ -29,8 +29,8 @@ pub use practice::{Practice, PracticeMeasurement, PracticeResult, PracticeSessio
 pub use result::{SessionOrderKey, SessionResult};
 pub use same_recording::{SameRecording, SameRecordings};
 pub(super) use write::{
-    DELETE_SESSION, NewSessionRow, SELECT_SAME_SESSION, SessionArrival, insert, insert_arrived, is_trusted_sender,
-    supervising_sender,
+    DELETE_SESSION, NewSessionRow, SELECT_SAME_SESSION, SessionArrival, erase_twins, insert, insert_arrived,
+    is_trusted_sender, supervising_sender,
 };
 
 use super::error::{StoreResult, not_found};

@@ -20,13 +20,22 @@ use crate::ids::{BoxId, JobId, PersonId, ResultId, SessionId, TaskId, TraineeId}
 
 pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id = $1";
 
-/// The same recording of a record that was merged into the trainee's: hidden, and erased with the session.
+/// The same recording of records that are merged into that of the trainee, or of an earlier trainee of the session: hidden, and erased with the session. They were filed like this session when their record was merged.
 const SELECT_TWINS: &str = "
-    SELECT twin.id FROM session AS kept
-    JOIN merged_trainee AS merged ON merged.kept_id = kept.trainee_id
-    JOIN session AS twin ON twin.trainee_id = merged.trainee_id AND twin.task_id = kept.task_id
-         AND (twin.box_id = kept.box_id AND twin.video = kept.video OR twin.path_hash = kept.path_hash)
-    WHERE kept.id = $1";
+    WITH place (trainee_id, task_id, box_id) AS
+        (SELECT trainee_id, task_id, box_id FROM session WHERE id = $1
+         UNION SELECT from_trainee_id, from_task_id, from_box_id FROM session_move WHERE session_id = $1),
+    holder (trainee_id) AS
+        (SELECT coalesce(merged.kept_id, place.trainee_id) FROM place
+         LEFT JOIN merged_trainee AS merged ON merged.trainee_id = place.trainee_id),
+    used_box (box_id) AS
+        (SELECT coalesce(merged.kept_id, place.box_id) FROM place LEFT JOIN merged_box AS merged ON merged.box_id = place.box_id
+         UNION SELECT box_id FROM place)
+    SELECT twin.id FROM session AS erased
+    JOIN merged_trainee AS merged ON merged.kept_id IN (SELECT trainee_id FROM holder)
+    JOIN session AS twin ON twin.trainee_id = merged.trainee_id AND twin.task_id IN (SELECT task_id FROM place)
+         AND (twin.video = erased.video AND twin.box_id IN (SELECT box_id FROM used_box) OR twin.path_hash = erased.path_hash)
+    WHERE erased.id = $1";
 
 const DELETE_ARRIVING_SESSION: &str = "DELETE FROM session WHERE id = $1 AND video IS NULL";
 
@@ -166,7 +175,11 @@ impl SessionStore<'_> {
                 async move |tx| {
                     skill_models::withdraw_of_session(tx, id, now_ms).await?;
                     forget_box_jobs_of_session(tx, id).await?;
-                    erase_twins(tx, &scope, id, now_ms).await?;
+                    // A repeated erasure names each twin itself: in the restored backup, records may be merged that were
+                    // separated before the erasure.
+                    if !scope.is_service() {
+                        erase_twins(tx, &scope, id, now_ms).await?;
+                    }
                     certificates::mark(tx, &scope, &[id], CertificateEventKind::SessionErased, now_ms).await?;
                     let delete = if is_arriving { DELETE_ARRIVING_SESSION } else { DELETE_SESSION };
                     let deleted = sqlx::query(delete).bind(id).execute(&mut *tx).await?;
@@ -180,12 +193,13 @@ impl SessionStore<'_> {
     }
 }
 
-/// Erases the same recording of records that are merged into the trainee's. An erasure that is repeated in a restored
-/// backup names each of them itself: there, the records may be merged that were separated before the erasure.
-async fn erase_twins(tx: &mut SqliteConnection, scope: &Scope, id: SessionId, now_ms: i64) -> StoreResult<()> {
-    if scope.is_service() {
-        return Ok(());
-    }
+/// Erases the hidden sessions with the same recording. Call it before the session is erased.
+pub(in crate::store) async fn erase_twins(
+    tx: &mut SqliteConnection,
+    scope: &Scope,
+    id: SessionId,
+    now_ms: i64,
+) -> StoreResult<()> {
     let twins: Vec<SessionId> = sqlx::query_scalar(SELECT_TWINS).bind(id).fetch_all(&mut *tx).await?;
     certificates::mark(tx, scope, &twins, CertificateEventKind::SessionErased, now_ms).await?;
     for twin in twins {

@@ -168,6 +168,7 @@ fn short_list(path: PathBuf, KnownUntil { at_ms, end }: KnownUntil) -> UpkeepErr
 /// erasures of the list.
 async fn erase_again(store: &Store, erasures: &[Erasure], restored: &mut Restored) -> UpkeepResult<()> {
     let last: Vec<Erasure> = last_requests(erasures).into_iter().cloned().collect();
+    let (requested, last): (Vec<_>, Vec<_>) = last.into_iter().partition(|one| one.kind == ErasedKind::Pending);
     // Accounts last: those of trainees are deleted with them.
     let (people, others): (Vec<_>, Vec<_>) = last.into_iter().partition(|erasure| erasure.kind == ErasedKind::Person);
     let mut repeated = Vec::new();
@@ -181,6 +182,8 @@ async fn erase_again(store: &Store, erasures: &[Erasure], restored: &mut Restore
             Err(error) => return Err(error.into()),
         }
     }
+    store.erasures().wait_again(&requested).await?;
+    repeated.extend(requested);
     let recorded: Vec<Erasure> = erasures_after(store, 0).await?.into_iter().map(|(_, erasure)| erasure).collect();
     let unknown = lacking(&repeated, recorded.iter()).collect();
     Ok(store.erasures().add(unknown).await?)

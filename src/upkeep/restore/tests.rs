@@ -10,6 +10,7 @@ use crate::domain::blob::Blob;
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
+use crate::ids::{MergeId, SessionId, TraineeId};
 use crate::shutdown::Shutdown;
 use crate::store::{PageRequest, Store, StoreSettings};
 use crate::time::{Clock, to_rfc3339};
@@ -651,4 +652,125 @@ async fn an_unfinished_backup_whose_mark_cannot_be_read_is_not_deleted() {
     tokio::join!(running, watch);
     assert!(partial.exists());
     assert!(state.now().error.unwrap().contains(partial.to_str().unwrap()));
+}
+
+/// A chain of records of one person: that of Ana was merged into that of Ben, which was merged into that of Cleo. Each has a
+/// session.
+struct Chain {
+    backups: Backups,
+    backup: PathBuf,
+    people: [TraineeId; 3],
+    sessions: [SessionId; 3],
+    merges: [MergeId; 2],
+}
+
+impl Chain {
+    async fn in_a_backup() -> Self {
+        let bench = UpkeepFixture::new().await;
+        let (mut people, mut sessions) = (Vec::new(), Vec::new());
+        for name in ["Ana", "Ben", "Cleo"] {
+            let trainee = bench.centre.trainee(name).await.id;
+            sessions.push(bench.session(trainee, &format!("the recording of {name}")).await.id);
+            people.push(trainee);
+        }
+        let people: [TraineeId; 3] = people.try_into().unwrap();
+        let mut merges = Vec::new();
+        for pair in [[people[1], people[0]], [people[2], people[1]]] {
+            let why = "One person.".parse().unwrap();
+            let merged = bench.centre.store.record_merges().merge_trainees(&Scope::service(), pair, why, (0, 0)).await;
+            merges.push(merged.unwrap().id);
+        }
+        let (sessions, merges) = (sessions.try_into().unwrap(), merges.try_into().unwrap());
+        let backups = Backups { target: tempfile::tempdir().unwrap(), bench };
+        let backup = backups.back_up("monday").await;
+        Self { backups, backup, people, sessions, merges }
+    }
+
+    fn store(&self) -> &Store {
+        &self.backups.bench.centre.store
+    }
+
+    /// Separates all records again, after the backup.
+    async fn separate(&self) {
+        for (kept, merge) in [(self.people[2], self.merges[1]), (self.people[1], self.merges[0])] {
+            let why = "Three people.".parse().unwrap();
+            self.store().record_merges().separate_trainees(&Scope::service(), kept, merge, why).await.unwrap();
+        }
+    }
+
+    async fn restored(&self) -> Store {
+        self.backups.list_erasures().await;
+        let (folder, _) = self.backups.restore(&self.backup, Some(ErasureListChoice::default())).await.unwrap();
+        let clock = self.backups.bench.centre.clock.clone();
+        Store::open(&folder.join(DATABASE), &StoreSettings::default(), clock).await.unwrap()
+    }
+
+    /// Whose each of the three sessions is; `None`: erased.
+    async fn owners(&self, store: &Store) -> [Option<TraineeId>; 3] {
+        let mut owners = [None; 3];
+        for (owner, session) in owners.iter_mut().zip(self.sessions) {
+            *owner = store.sessions().get(&Scope::service(), session).await.ok().map(|session| session.trainee_id);
+        }
+        owners
+    }
+
+    /// The people who wait for their erasure.
+    async fn waiting(&self, store: &Store) -> Vec<TraineeId> {
+        let listed = store.pending_erasures().list(&Scope::service()).await.unwrap();
+        listed.into_iter().map(|pending| pending.trainee_id).collect()
+    }
+}
+
+#[tokio::test]
+async fn of_merged_records_a_restore_erases_exactly_those_that_were_erased() {
+    for erased in 0..3 {
+        let chain = Chain::in_a_backup().await;
+        chain.separate().await;
+        let key = Key::from(&chain.people[erased]);
+        chain.store().trainees().erase(&Scope::service(), &key).await.unwrap();
+        let store = chain.restored().await;
+        let [ana, ben, cleo] = chain.people;
+        // In the backup, Cleo's record has all; what is left of the chain stays merged.
+        let expected = match erased {
+            0 => [None, Some(cleo), Some(cleo)],
+            1 => [Some(ana), None, Some(cleo)],
+            _ => [Some(ben), Some(ben), None],
+        };
+        assert_eq!(chain.owners(&store).await, expected, "the record {erased} was erased");
+    }
+    let chain = Chain::in_a_backup().await;
+    chain.store().trainees().erase(&Scope::service(), &Key::from(&chain.people[2])).await.unwrap();
+    let store = chain.restored().await;
+    assert_eq!(chain.owners(&store).await, [None; 3], "they were erased as one person");
+}
+
+#[tokio::test]
+async fn of_merged_records_exactly_those_wait_again_whose_erasure_was_requested() {
+    let week = Duration::from_secs(7 * 86_400);
+    let chain = Chain::in_a_backup().await;
+    let cleo = Key::from(&chain.people[2]);
+    chain.store().pending_erasures().request(&Scope::service(), &cleo, week).await.unwrap();
+    let store = chain.restored().await;
+    assert_eq!(chain.waiting(&store).await, [chain.people[2]], "the merged records wait with the one that is shown");
+    store.pending_erasures().take_back(&Scope::service(), &cleo).await.unwrap();
+    assert_eq!(chain.waiting(&store).await, []);
+    assert_eq!(chain.owners(&store).await, [Some(chain.people[2]); 3]);
+
+    for requested in 0..3 {
+        let chain = Chain::in_a_backup().await;
+        chain.separate().await;
+        let key = Key::from(&chain.people[requested]);
+        chain.store().pending_erasures().request(&Scope::service(), &key, week).await.unwrap();
+        let store = chain.restored().await;
+        assert_eq!(chain.waiting(&store).await, [chain.people[requested]]);
+        let owners = chain.owners(&store).await;
+        let own = chain.people[requested];
+        for (number, owner) in owners.iter().enumerate() {
+            assert_eq!(*owner == Some(own), number == requested, "{requested}: {owners:?} of {:?}", chain.people);
+        }
+        chain.backups.bench.centre.clock.advance(week);
+        store.pending_erasures().erase_due(own).await.unwrap();
+        let left = chain.owners(&store).await;
+        assert!((0..3).all(|number| left[number].is_none() == (number == requested)), "{left:?}");
+    }
 }

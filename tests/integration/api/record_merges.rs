@@ -220,6 +220,83 @@ async fn erasing_a_session_erases_the_hidden_one_with_the_same_recording() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn erasing_a_session_that_was_moved_erases_the_hidden_one_with_the_same_recording() {
+    let centre = Centre::open().await;
+    centre.administrator.make("/api/v1/tasks", json!({"name": "Knots", "code": "knots"})).await;
+    let kept = session(&centre.administrator, "ada", recording(100, 1)).await;
+    for salt in [1, 2] {
+        session(&centre.administrator, "bob", recording(100, salt)).await;
+    }
+    let made = merge(&centre, "ada", "bob").await;
+    let at = format!("/api/v1/sessions/{}", kept["id"].as_str().unwrap());
+    centre.administrator.make(&format!("{at}/moves"), json!({"task": "knots", "why": "It was knots."})).await;
+    assert_eq!(centre.administrator.delete(&at).await.status(), StatusCode::NO_CONTENT);
+    separate(&centre, MERGES, &made).await;
+    let count = centre.administrator.read("/api/v1/session-count").await;
+    assert_eq!(count["all"], 1, "only the other recording of Bob is left: {count}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn erasing_a_person_erases_the_hidden_copies_of_recordings_that_were_moved_to_them() {
+    let centre = Centre::open().await;
+    centre.administrator.make("/api/v1/trainees", json!({"name": "Cleo", "code": "cleo"})).await;
+    let kept = session(&centre.administrator, "ada", recording(100, 1)).await;
+    for salt in [1, 2] {
+        session(&centre.administrator, "bob", recording(100, salt)).await;
+    }
+    let made = merge(&centre, "ada", "bob").await;
+    let moves = format!("/api/v1/sessions/{}/moves", kept["id"].as_str().unwrap());
+    centre.administrator.make(&moves, json!({"trainee": "cleo", "why": "It was Cleo."})).await;
+    assert_eq!(centre.administrator.delete("/api/v1/trainees/cleo").await.status(), StatusCode::NO_CONTENT);
+    separate(&centre, MERGES, &made).await;
+    let count = centre.administrator.read("/api/v1/session-count?trainee=bob").await;
+    assert_eq!(count["matching"], 1, "the copy of Cleo's recording is erased: {count}");
+    assert_clean(&centre);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn months_that_were_set_after_a_merge_stay_with_the_kept_record() {
+    let centre = Centre::open().await;
+    centre.administrator.make("/api/v1/trainees", json!({"name": "Cleo", "code": "cleo"})).await;
+    let set = async |trainee: &str, months: u32| {
+        let own = json!({"months": months, "reason": "A study."});
+        let path = format!("/api/v1/trainees/{trainee}/retention");
+        read(centre.administrator.put(&path, own).await, StatusCode::OK).await;
+    };
+    let months = async |trainee: &str| {
+        centre.administrator.read(&format!("/api/v1/trainees/{trainee}/retention")).await["own_months"].clone()
+    };
+    set("ada", 24).await;
+    set("bob", 12).await;
+    set("cleo", 6).await;
+    let first = merge(&centre, "ada", "bob").await;
+    assert_eq!(months("ada").await, 12);
+    set("ada", 36).await;
+    separate(&centre, MERGES, &first).await;
+    assert_eq!((months("ada").await, months("bob").await), (json!(36), json!(12)));
+
+    let first = merge(&centre, "ada", "bob").await;
+    let second = merge(&centre, "ada", "cleo").await;
+    assert_eq!(months("ada").await, 6);
+    set("ada", 48).await;
+    separate(&centre, MERGES, &first).await;
+    assert_eq!(
+        (months("ada").await, months("bob").await),
+        (json!(48), json!(12)),
+        "the merge with Cleo changes nothing"
+    );
+    separate(&centre, MERGES, &second).await;
+    assert_eq!((months("ada").await, months("cleo").await), (json!(48), json!(6)));
+
+    let first = merge(&centre, "bob", "cleo").await;
+    let back = json!({"months": null});
+    read(centre.administrator.put("/api/v1/trainees/bob/retention", back).await, StatusCode::OK).await;
+    separate(&centre, "/api/v1/trainees/bob/merges", &first).await;
+    assert_eq!((months("bob").await, months("cleo").await), (Value::Null, json!(6)));
+    assert_clean(&centre);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn impossible_merges_are_refused_with_the_field() {
     let centre = Centre::open().await;
     let with = |trainee: &str| json!({"trainee": trainee, "why": "x"});
