@@ -129,7 +129,7 @@ network-outage: test-packages ## take a box's network away for an hour while it 
 	cargo test --locked --test integration away_for_an_hour -- --ignored --nocapture
 
 .PHONY: corrections
-corrections: test-packages ## move sessions, merge and separate records 1,000 times at random: every figure equals that of a new centre
+corrections: test-packages ## move and cut sessions, merge and separate records 1,000 times at random: every figure equals that of a new centre
 	TROCAR_CORRECTIONS=1000 cargo test --locked --test integration random_corrections -- --nocapture
 
 .PHONY: old-recordings

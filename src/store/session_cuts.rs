@@ -80,6 +80,11 @@ const INSERT_PART: &str = "
            coalesce(cut_of, id)
     FROM session WHERE id = $1";
 
+/// A part of a session that followed a merge follows it, too: a separation gives both back.
+const FOLLOW_MERGES: &str = "
+    INSERT INTO record_merge_row (merge_id, part, row_key)
+    SELECT merge_id, part, $2 FROM record_merge_row WHERE part = 'sessions' AND row_key = $1";
+
 const INSERT_CUT: &str = "
     INSERT INTO session_cut (id, first_id, second_id, first_edit_id, second_edit_id, at_s, person_id, why, created_at_ms)
     VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)";
@@ -87,17 +92,20 @@ const INSERT_CUT: &str = "
 const SELECT_CUT: &str = "
     SELECT first_id, second_id, first_edit_id, joined_at_ms IS NOT NULL FROM session_cut WHERE id = $1";
 
-/// What was built on the second part `$2` of cut `$1` since, or whether its first part was cut again.
+/// What was built on the second part `$2` of cut `$1` since, or whether its first part was cut again. Later cuts whose parts
+/// were joined again left nothing but their trims, which are undone.
 const SELECT_HAS_GROWN: &str = "
     SELECT EXISTS (SELECT 1 FROM rating WHERE session_id = $2)
         OR EXISTS (SELECT 1 FROM comment WHERE session_id = $2)
         OR EXISTS (SELECT 1 FROM error_sheet WHERE session_id = $2)
-        OR EXISTS (SELECT 1 FROM session_move WHERE session_id = $2)
         OR EXISTS (SELECT 1 FROM session_cut WHERE first_id = $2 AND joined_at_ms IS NULL)
         OR EXISTS (SELECT 1 FROM session_cut AS later JOIN session_cut AS cut ON cut.id = $1
                    WHERE later.first_id = cut.first_id AND later.joined_at_ms IS NULL AND later.id > cut.id)
         OR EXISTS (SELECT 1 FROM session_edit JOIN session_cut AS cut ON cut.id = $1
                    WHERE session_edit.session_id = $2
+                     AND session_edit.id NOT IN (SELECT joined.first_edit_id FROM session_cut AS joined
+                                                 WHERE joined.first_id = $2 AND joined.joined_at_ms IS NOT NULL
+                                                   AND joined.first_edit_id IS NOT NULL)
                      AND (session_edit.created_at_ms > cut.created_at_ms OR session_edit.undone_at_ms > cut.created_at_ms))";
 
 const SELECT_IS_ELSEWHERE: &str = "
@@ -147,6 +155,7 @@ impl SessionCutStore<'_> {
                 let second = SessionId::at(now_ms);
                 let insert = sqlx::query(INSERT_PART).bind(session).bind(second).bind((at_s * 1000.0) as i64);
                 insert.execute(&mut *tx).await?;
+                sqlx::query(FOLLOW_MERGES).bind(session).bind(second).execute(&mut *tx).await?;
                 skill_models::withdraw_of_session(tx, session, now_ms).await?;
                 edits::copy_in_force(tx, [session, second], now_ms).await?;
                 // Trainees see the reasons of edits, but not that of a cut: it may name others.
@@ -249,8 +258,8 @@ async fn refuse_unjoinable(tx: &mut SqliteConnection, cut: CutId, [first, second
     }
     if sqlx::query_scalar(SELECT_HAS_GROWN).bind(cut).bind(second).fetch_one(tx).await? {
         return Err(StoreError::refused(
-            "a part was cut again, or the second part has ratings, comments, error sheets, edits or moves of its own, \
-             which would be lost: leave the recording cut, or undo and delete them first",
+            "a part was cut again, or the second part has ratings, comments, error sheets or edits of its own, which would \
+             be lost: leave the recording cut, or undo and delete them first",
         ));
     }
     Ok(())

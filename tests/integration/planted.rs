@@ -22,9 +22,9 @@ use trocar::domain::session::{
 };
 use trocar::domain::standard::{StandardDefinition, StandardStart};
 use trocar::domain::text::Key;
-use trocar::ids::{BoxId, CalibrationId, PaletteId, SessionId, TaskId, TraineeId};
+use trocar::ids::{BoxId, CalibrationId, CutId, PaletteId, SessionId, TaskId, TraineeId};
 use trocar::motion::PIPELINE_VERSION;
-use trocar::store::{EditBasis, Lease, SessionDestination, Store, StoreSettings};
+use trocar::store::{EditBasis, Lease, SessionCutRecord, SessionDestination, Store, StoreSettings};
 use trocar::time::SystemClock;
 use trocar::vault::Vault;
 
@@ -190,6 +190,45 @@ impl Planter {
         let to = SessionDestination { trainee: Some(self.trainee(trainee).await), task: Some(task), in_box: None };
         let why = "Kim was still signed in.".parse().unwrap();
         self.store.session_moves().add(&Scope::service(), session.parse().unwrap(), to, why).await.unwrap();
+    }
+
+    /// Cuts a session `at_s` seconds after its recording begins, as an instructor would. `end_s`: the recording's length.
+    pub async fn cut(&self, session: SessionId, at_and_end_s: [f64; 2]) -> SessionCutRecord {
+        let why = "Two attempts.".parse().unwrap();
+        let cuts = self.store.session_cuts();
+        cuts.add(&Scope::service(), session, (at_and_end_s, why), EditBasis::default()).await.unwrap()
+    }
+
+    /// Joins the two parts of a cut.
+    pub async fn join(&self, session: SessionId, cut: CutId) {
+        self.store.session_cuts().join(&Scope::service(), session, cut).await.unwrap();
+    }
+
+    /// Completes all jobs in the queue, which track or score sessions. `of` gives the feature of each.
+    pub async fn finish_all(&self, of: impl Fn(SessionId) -> FeatureRow) {
+        while let Some(lease) = self.store.jobs().claim("planter", Duration::from_secs(60)).await.unwrap() {
+            match lease.job.input.clone() {
+                JobInput::Track(input) => {
+                    let planter = Self { calibration: input.calibration, palette: input.palette, ..self.clone() };
+                    planter.finish(&lease, vec![of(input.session)], (PIPELINE_VERSION, "valid"), None).await;
+                }
+                JobInput::Rescore(input) => {
+                    let (service, sessions) = (Scope::service(), self.store.sessions());
+                    let old = sessions.result_of(&service, input.session, input.result).await.unwrap();
+                    let score = NewScore {
+                        from: old.id,
+                        pipeline: PIPELINE_VERSION.to_owned(),
+                        tracked_with: Some(old.versions.pipeline),
+                        edits: input.edits,
+                        features: vec![of(input.session)],
+                        evidence: Vec::new(),
+                        quality: old.quality,
+                    };
+                    self.store.jobs().finish_rescore(&lease, score).await.unwrap();
+                }
+                other => panic!("{other:?}"),
+            }
+        }
     }
 
     /// Completes the next job in the queue, the tracking of a session.

@@ -1,10 +1,13 @@
-//! The law of corrections: after random moves of sessions, merges of records and their reversal, progress, standards and
-//! courses equal those of a new centre where all was filed right from the beginning. The ordinary tests take 60 steps,
-//! `make corrections` 1,000.
+//! The law of corrections: after random moves of sessions, merges of records, cuts of recordings and their reversal,
+//! progress, standards and courses equal those of a new centre where all was filed right from the beginning. The ordinary
+//! tests take 60 steps, `make corrections` 1,000.
+
+use std::collections::HashMap;
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
-use trocar::ids::{SessionId, TaskId};
+use trocar::domain::session::FeatureRow;
+use trocar::ids::{CutId, SessionId, TaskId};
 
 use super::centre::{Centre, set_members};
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
@@ -15,12 +18,39 @@ const PEOPLE: [&str; 5] = ["ada", "bob", "cleo", "dora", "emil"];
 const TASKS: [&str; 2] = ["peg", "knots"];
 const BOXES: [&str; 2] = ["box-1", "box-2"];
 const SESSIONS: usize = 20;
+/// Length of a recording, s.
+const LENGTH_S: u32 = 64;
+/// Most parts of all recordings.
+const MAX_PARTS: usize = 30;
 /// Who is in the groups One and Two at first.
 const MEMBERS: [&[usize]; 2] = [&[0, 2, 3], &[1, 3]];
+
+/// The part of a recording that a session has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Part {
+    recording: usize,
+    from_s: u32,
+    to_s: u32,
+}
+
+impl Part {
+    /// When it was recorded, epoch ms.
+    fn at_ms(self) -> i64 {
+        NEW_YEAR_MS + self.recording as i64 * DAY_MS + i64::from(self.from_s) * 1000
+    }
+
+    /// What is measured in it: another value for each part.
+    fn measured(self) -> FeatureRow {
+        let seconds = (self.recording as u32 * 7 + self.from_s * 3 + self.to_s) % 20;
+        duration(30.0 + f64::from(seconds), 1.0)
+    }
+}
 
 /// Where all is filed, as the corrections say.
 #[derive(Clone, PartialEq)]
 struct Filed {
+    /// What each session shows; `None`: it was joined with another one.
+    parts: Vec<Option<Part>>,
     /// Person and task of each session.
     sessions: Vec<(usize, usize)>,
     /// Box of each session.
@@ -40,10 +70,18 @@ struct Merge {
     groups: Vec<usize>,
 }
 
-/// The records and their merges, as a plain table.
+/// A cut that is in force: the sessions with the part before it and with the part after it.
+#[derive(Clone, Copy, Debug)]
+struct Cut {
+    first: usize,
+    second: usize,
+}
+
+/// The records, their merges and the cuts, as a plain table.
 #[derive(Clone)]
 struct Table {
     filed: Filed,
+    cuts: Vec<Cut>,
     people: Vec<Merge>,
     boxes: Vec<Merge>,
 }
@@ -59,14 +97,54 @@ enum Step {
     /// The boxes: kept, merged.
     MergeBoxes(usize, usize),
     SeparateBoxes(usize, usize),
+    /// A session, where it is cut, s.
+    Cut(usize, u32),
+    /// The two parts of a cut.
+    Join(usize, usize),
 }
 
 impl Table {
     fn new() -> Self {
         let sessions = (0..SESSIONS).map(|number| (number % PEOPLE.len(), number % 3 / 2)).collect();
         let boxes = (0..SESSIONS).map(|number| number % BOXES.len()).collect();
-        let filed = Filed { sessions, boxes, groups: MEMBERS.map(<[usize]>::to_vec) };
-        Self { filed, people: Vec::new(), boxes: Vec::new() }
+        let part = |recording| Some(Part { recording, from_s: 0, to_s: LENGTH_S });
+        let parts = (0..SESSIONS).map(part).collect();
+        let filed = Filed { parts, sessions, boxes, groups: MEMBERS.map(<[usize]>::to_vec) };
+        Self { filed, cuts: Vec::new(), people: Vec::new(), boxes: Vec::new() }
+    }
+
+    /// The sessions that exist.
+    fn existing(&self) -> Vec<usize> {
+        (0..self.filed.parts.len()).filter(|number| self.filed.parts[*number].is_some()).collect()
+    }
+
+    /// Whether the parts of a cut can be joined: they are filed alike, and neither was cut again since.
+    fn is_joinable(&self, at: usize) -> bool {
+        let Cut { first, second } = self.cuts[at];
+        let filed = |number: usize| (self.filed.sessions[number], self.filed.boxes[number]);
+        filed(first) == filed(second)
+            && self.cuts[at + 1..].iter().all(|later| later.first != first && later.first != second)
+    }
+
+    /// The second part is filed as the first one, and follows the merges that the first one has followed.
+    fn cut(&mut self, first: usize, at_s: u32) {
+        let second = self.filed.parts.len();
+        let whole = self.filed.parts[first].unwrap();
+        self.filed.parts[first] = Some(Part { to_s: at_s, ..whole });
+        self.filed.parts.push(Some(Part { from_s: at_s, ..whole }));
+        self.filed.sessions.push(self.filed.sessions[first]);
+        self.filed.boxes.push(self.filed.boxes[first]);
+        for merge in self.people.iter_mut().chain(&mut self.boxes).filter(|of| of.sessions.contains(&first)) {
+            merge.sessions.push(second);
+        }
+        self.cuts.push(Cut { first, second });
+    }
+
+    fn join(&mut self, first: usize, second: usize) {
+        let end_s = self.filed.parts[second].take().unwrap().to_s;
+        self.filed.parts[first].as_mut().unwrap().to_s = end_s;
+        self.people.iter_mut().chain(&mut self.boxes).for_each(|of| of.sessions.retain(|one| *one != second));
+        self.cuts.retain(|cut| cut.second != second);
     }
 
     fn is_shown(&self, person: usize) -> bool {
@@ -75,7 +153,8 @@ impl Table {
 
     fn follow(&mut self, merge: &mut Merge) {
         let Merge { kept, merged, .. } = *merge;
-        for (number, at) in self.filed.sessions.iter_mut().enumerate().filter(|(_, at)| at.0 == merged) {
+        let exists = |number: &usize| self.filed.parts[*number].is_some();
+        for (number, at) in self.filed.sessions.iter_mut().enumerate().filter(|(at, of)| of.0 == merged && exists(at)) {
             at.0 = kept;
             merge.sessions.push(number);
         }
@@ -126,7 +205,8 @@ impl Table {
                 self.people.remove(at);
             }
             Step::MergeBoxes(kept, merged) => {
-                let sessions = (0..SESSIONS).filter(|number| self.filed.boxes[*number] == merged).collect();
+                let sessions =
+                    self.existing().into_iter().filter(|number| self.filed.boxes[*number] == merged).collect();
                 self.filed.boxes.fill(kept);
                 self.boxes.push(Merge { kept, merged, sessions, groups: Vec::new() });
             }
@@ -135,18 +215,26 @@ impl Table {
                     self.filed.boxes[number] = merged;
                 }
             }
+            Step::Cut(number, at_s) => self.cut(number, at_s),
+            Step::Join(first, second) => self.join(first, second),
         }
     }
 
-    /// The steps back to `first`: all records are separated, the last merge first, and all sessions moved back.
+    /// The steps back to `first`: all records are separated, the last merge first, all sessions moved back, and all parts
+    /// joined, those of the last cut first.
     fn reversal(&self, first: &Filed) -> Vec<Step> {
         let mut end = self.clone();
         let boxes = self.boxes.iter().map(|merge| Step::SeparateBoxes(merge.kept, merge.merged));
         let people = self.people.iter().rev().map(|merge| Step::Separate(merge.kept, merge.merged));
         let mut steps: Vec<Step> = boxes.chain(people).collect();
         steps.iter().for_each(|step| end.take(*step));
-        let moved = (0..SESSIONS).filter(|number| end.filed.sessions[*number] != first.sessions[*number]);
-        steps.extend(moved.map(|number| Step::Move(number, first.sessions[number])));
+        for number in self.existing() {
+            let at = first.sessions[self.filed.parts[number].unwrap().recording];
+            if end.filed.sessions[number] != at {
+                steps.push(Step::Move(number, at));
+            }
+        }
+        steps.extend(self.cuts.iter().rev().map(|cut| Step::Join(cut.first, cut.second)));
         steps
     }
 
@@ -155,9 +243,10 @@ impl Table {
         loop {
             let (one, other) = (random(PEOPLE.len()), random(PEOPLE.len()));
             let is_new = one != other && self.is_shown(one) && self.is_shown(other);
-            match random(12) {
+            let existing = self.existing();
+            match random(16) {
                 0..7 => {
-                    let (number, to) = (random(SESSIONS), (one, random(TASKS.len())));
+                    let (number, to) = (existing[random(existing.len())], (one, random(TASKS.len())));
                     if self.is_shown(one) && self.filed.sessions[number] != to {
                         return Step::Move(number, to);
                     }
@@ -176,6 +265,19 @@ impl Table {
                         Some(merge) => Step::SeparateBoxes(merge.kept, merge.merged),
                     };
                 }
+                12..14 if existing.len() < MAX_PARTS => {
+                    let number = existing[random(existing.len())];
+                    let Part { from_s, to_s, .. } = self.filed.parts[number].unwrap();
+                    if to_s - from_s > 2 {
+                        return Step::Cut(number, from_s + 1 + random((to_s - from_s - 1) as usize) as u32);
+                    }
+                }
+                14..16 if !self.cuts.is_empty() => {
+                    let at = random(self.cuts.len());
+                    if self.is_joinable(at) {
+                        return Step::Join(self.cuts[at].first, self.cuts[at].second);
+                    }
+                }
                 _ => {}
             }
         }
@@ -187,6 +289,8 @@ struct World {
     centre: Centre,
     planter: Planter,
     sessions: Vec<SessionId>,
+    /// The cuts that were made, by their second session.
+    cuts: HashMap<SessionId, CutId>,
 }
 
 impl World {
@@ -224,18 +328,45 @@ impl World {
             tasks.push(task["id"].as_str().unwrap().parse().unwrap());
         }
         let mut sessions = Vec::new();
-        for (number, (person, task)) in filed.sessions.iter().enumerate() {
+        let existing = filed.parts.iter().enumerate().filter_map(|(number, part)| Some(((*part)?, number)));
+        let mut parts: Vec<(Part, usize)> = existing.collect();
+        parts.sort_by_key(|(part, _)| part.at_ms());
+        for (part, number) in parts {
+            let (person, task) = filed.sessions[number];
             let mut planter = planters[filed.boxes[number]].clone();
-            planter.task = tasks[*task];
-            let trainee = planter.trainee(PEOPLE[*person]).await;
-            let (at_ms, seconds) = (NEW_YEAR_MS + number as i64 * DAY_MS, 30.0 + (number * 7 % 20) as f64);
-            sessions.push(planter.scored(trainee, at_ms, vec![duration(seconds, 1.0)]).await);
+            planter.task = tasks[task];
+            let trainee = planter.trainee(PEOPLE[person]).await;
+            sessions.push(planter.scored(trainee, part.at_ms(), vec![part.measured()]).await);
         }
         let [planter, _] = planters;
-        Self { centre, planter, sessions }
+        Self { centre, planter, sessions, cuts: HashMap::new() }
     }
 
-    async fn take(&self, step: Step) {
+    /// Takes a step. `after`: where all is filed then. What has to be tracked or scored again is measured.
+    async fn take(&mut self, step: Step, after: &Table) {
+        match step {
+            Step::Cut(number, at_s) => {
+                let end_s = after.filed.parts.last().copied().flatten().unwrap().to_s;
+                let made = self.planter.cut(self.sessions[number], [at_s, end_s].map(f64::from)).await;
+                let second = made.second_id.unwrap();
+                self.sessions.push(second);
+                self.cuts.insert(second, made.id);
+            }
+            Step::Join(first, second) => {
+                let cut = self.cuts.remove(&self.sessions[second]).unwrap();
+                self.planter.join(self.sessions[first], cut).await;
+            }
+            step => self.correct(step).await,
+        }
+        let measured = |session: SessionId| {
+            let number = self.sessions.iter().position(|one| *one == session).unwrap();
+            after.filed.parts[number].unwrap().measured()
+        };
+        self.planter.finish_all(measured).await;
+    }
+
+    /// Moves, merges or separates.
+    async fn correct(&self, step: Step) {
         let administrator = &self.centre.administrator;
         let merge = async |noun: &str, kept: &str, body: Value| {
             administrator.make(&format!("/api/v1/{noun}/{kept}/merges"), body).await;
@@ -260,6 +391,7 @@ impl World {
                 merge("boxes", BOXES[kept], json!({"box": BOXES[merged], "why": "One."})).await;
             }
             Step::SeparateBoxes(kept, merged) => separate("boxes", BOXES[kept], BOXES[merged]).await,
+            Step::Cut(..) | Step::Join(..) => unreachable!("the caller takes them"),
         }
     }
 
@@ -317,7 +449,7 @@ fn step_count() -> usize {
 async fn random_corrections_and_their_reversal_leave_every_figure_right() {
     let mut table = Table::new();
     let first = table.filed.clone();
-    let world = World::open(&first).await;
+    let mut world = World::open(&first).await;
     let before = world.figures(&table).await;
     let mut state = 0x9E37_79B9_7F4A_7C15_u64;
     let mut random = |below: usize| {
@@ -330,8 +462,8 @@ async fn random_corrections_and_their_reversal_leave_every_figure_right() {
     let between = (steps / 20).max(30);
     for number in 1..=steps {
         let step = table.random_step(&mut random);
-        world.take(step).await;
         table.take(step);
+        world.take(step, &table).await;
         if number % between == 0 || number == steps {
             let fresh = World::open(&table.filed).await;
             let (is, wanted) = (world.figures(&table).await, fresh.figures(&table).await);
@@ -342,10 +474,14 @@ async fn random_corrections_and_their_reversal_leave_every_figure_right() {
         }
     }
     for step in table.reversal(&first) {
-        world.take(step).await;
         table.take(step);
+        world.take(step, &table).await;
     }
-    assert!(table.filed.sessions == first.sessions && table.filed.boxes == first.boxes);
+    table.filed.parts.truncate(SESSIONS);
+    table.filed.sessions.truncate(SESSIONS);
+    table.filed.boxes.truncate(SESSIONS);
+    assert!(table.filed.parts == first.parts && table.filed.sessions == first.sessions);
+    assert!(table.filed.boxes == first.boxes && table.cuts.is_empty());
     assert_eq!(world.figures(&table).await, before);
     world.assert_clean();
 }
