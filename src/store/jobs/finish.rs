@@ -13,7 +13,7 @@ use super::super::error_sheets::scale_marks;
 use super::super::palettes::{self, PaletteRecord};
 use super::super::sessions::evidence;
 use super::super::{StoreError, blobs, self_tests, surroundings};
-use super::enqueue::{current_result, enqueue_rescore_if_outdated, enqueue_waiting_sessions};
+use super::enqueue::{current_result, enqueue_rescore_if_outdated, enqueue_track, enqueue_waiting_sessions};
 use super::lease::end_as_done;
 use super::{JobStore, Lease};
 use crate::domain::calibration::NewCalibration;
@@ -22,7 +22,7 @@ use crate::domain::job::JobInput;
 use crate::domain::palette::{NewPalette, PaletteAdvice};
 use crate::domain::self_test::NewSelfTest;
 use crate::domain::session::{FeatureRow, NewResult, NewScore, ResultClock};
-use crate::ids::{BoxId, JobId, ResultId, SessionId};
+use crate::ids::{BoxId, CalibrationId, JobId, PaletteId, ResultId, SessionId};
 
 const SET_ADVICE: &str = "UPDATE job SET advice = $2 WHERE id = $1";
 
@@ -40,12 +40,13 @@ impl JobStore<'_> {
     /// scored again.
     ///
     /// Nothing is stored if the times were corrected meanwhile, since that edit has queued its own job. If the result has
-    /// other times than the one before, edits, comments and marks of errors follow it.
+    /// other times than the one before, edits, comments and marks of errors follow it. If another version of the box's
+    /// camera or colours is valid for the recording by now, the session is tracked again with it.
     pub async fn finish_track(&self, held: &Lease, result: NewResult) -> StoreResult<()> {
         let session = held.job.session_id.ok_or_else(|| wrong_kind("a session"))?;
-        let time_revision = match &held.job.input {
-            JobInput::Track(input) => input.time_revision,
-            _ => 0, // an import, whose times are never corrected
+        let (time_revision, setup) = match &held.job.input {
+            JobInput::Track(input) => (input.time_revision, Some((input.calibration, input.palette))),
+            _ => (0, None), // an import, whose times are never corrected
         };
         let (id, token, now_ms, attempts) = (held.job.id, held.token, self.0.now_ms(), self.0.max_attempts());
         self.0
@@ -65,6 +66,10 @@ impl JobStore<'_> {
                     scale_marks(tx, session, ratio).await?;
                 }
                 settle_box_question(tx, session).await?;
+                if setup.is_some() && setup != setup_in_force(tx, session).await? {
+                    enqueue_track(tx, session, now_ms, attempts).await?;
+                    return Ok(());
+                }
                 enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;
                 Ok(())
             })
@@ -150,6 +155,18 @@ impl JobStore<'_> {
             })
             .await
     }
+}
+
+const SETUP_IN_FORCE: &str = "SELECT calibration_id, palette_id FROM valid_setup WHERE session_id = $1";
+
+/// The versions of camera and colours that are valid for a session's recording now.
+async fn setup_in_force(
+    tx: &mut SqliteConnection,
+    session: SessionId,
+) -> StoreResult<Option<(CalibrationId, PaletteId)>> {
+    let found: Option<(Option<CalibrationId>, Option<PaletteId>)> =
+        sqlx::query_as(SETUP_IN_FORCE).bind(session).fetch_optional(tx).await?;
+    Ok(found.and_then(|(calibration, palette)| calibration.zip(palette)))
 }
 
 const LATEST_CLOCK: &str = "SELECT clock FROM result WHERE session_id = $1 ORDER BY rowid DESC LIMIT 1";

@@ -81,6 +81,21 @@ async fn a_recording_is_tracked_with_the_camera_and_colours_of_its_day() {
 }
 
 #[tokio::test]
+async fn a_session_whose_camera_was_replaced_while_it_waited_is_tracked_again_with_the_right_one() {
+    let centre = TestCentre::with_camera_and_colours().await;
+    let first = centre.in_use_camera().await;
+    let id = centre.recorded_at("clip", NOW_MS + DAY_MS).await;
+    centre.clock.advance(Duration::from_secs(3600));
+    let right = centre.calibration(Some(NOW_MS + DAY_MS)).await;
+    assert_eq!(centre.track(10.0).await, first, "the job has begun with the camera of its day");
+    let session = centre.store.sessions().get(&Scope::service(), id).await.unwrap();
+    assert_eq!(session.status(), SessionStatus::Queued);
+    assert_eq!(centre.track(11.0).await, right);
+    assert_eq!(centre.shown(id).await, 11.0);
+    assert!(centre.claim().await.is_none(), "once only");
+}
+
+#[tokio::test]
 async fn a_camera_of_an_earlier_day_does_not_replace_the_one_in_use() {
     let centre = TestCentre::with_camera_and_colours().await;
     let in_use = centre.in_use_camera().await;
