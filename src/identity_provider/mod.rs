@@ -130,6 +130,16 @@ pub struct ExpectedAnswer {
     verifier: PkceCodeVerifier,
 }
 
+#[cfg(test)]
+impl ExpectedAnswer {
+    /// One that no answer fits.
+    pub fn of_no_answer() -> Self {
+        let redirect = RedirectUrl::new("https://skills.example/single-sign-on".to_owned());
+        let verifier = PkceCodeVerifier::new("no answer fits".to_owned());
+        Self { redirect: redirect.expect("an address"), nonce: Nonce::new_random(), verifier }
+    }
+}
+
 /// A proven identity, with the token that proved it.
 pub struct Proof {
     /// Who it is.

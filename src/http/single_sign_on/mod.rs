@@ -160,7 +160,7 @@ fn begin(
     // A second attempt in another tab keeps the first one valid.
     let browser = attempt_secret(headers, base).unwrap_or_else(Secret::random);
     let attempt = ProviderAttempt { browser: browser.hash(), expected: begun.expected, purpose, next };
-    set_up.attempts.begin(state.hash(), attempt, address)?;
+    set_up.attempts.begin(state.hash(), attempt, address);
     let cookie = AppendHeaders([(header::SET_COOKIE, set_attempt_cookie(&browser, ATTEMPT_LIFETIME, base))]);
     Ok((cookie, Json(ProviderSignInResponse { address: begun.address })))
 }
