@@ -126,7 +126,8 @@ struct PublicRow {
     state_at_ms: i64,
     reason: Option<Remark>,
     content: Option<Json<CertificateContent>>,
-    is_hidden: bool,
+    /// When the erasure of the person's data was requested, epoch ms; `None`: it was not.
+    erasure_requested_at_ms: Option<i64>,
 }
 
 const SELECT_SEED: &str = "SELECT secret_key FROM certificate_key WHERE retired_at_ms IS NULL";
@@ -177,7 +178,10 @@ const SELECT_MARKS: &str = "
 /// Anyone who has the code may read what the certificate says, unless the person waits for the erasure of their data.
 const SELECT_PUBLIC: &str = "
     SELECT id, state, state_at_ms, reason, content,
-           trainee_id IN (SELECT trainee_id FROM pending_erasure) IS TRUE AS is_hidden
+           (SELECT requested_at_ms FROM pending_erasure
+            WHERE trainee_id = coalesce((SELECT kept_id FROM merged_trainee
+                                         WHERE merged_trainee.trainee_id = certificate.trainee_id),
+                                        certificate.trainee_id)) AS erasure_requested_at_ms
     FROM certificate WHERE code = $1";
 
 const SELECT_COUNT: &str = "SELECT count(*) FROM certificate WHERE trainee_id = $1";
@@ -384,8 +388,9 @@ impl CertificateStore<'_> {
     pub async fn published(&self, code: &CertificateCode) -> StoreResult<Option<PublicCertificate>> {
         let row: Option<PublicRow> = sqlx::query_as(SELECT_PUBLIC).bind(code).fetch_optional(self.0.readers()).await?;
         let Some(row) = row else { return Ok(None) };
-        if row.is_hidden || row.content.is_none() {
-            let (state, state_at_ms) = (CertificateState::Erased, row.state_at_ms);
+        if row.erasure_requested_at_ms.is_some() || row.content.is_none() {
+            let state_at_ms = row.erasure_requested_at_ms.unwrap_or(row.state_at_ms);
+            let state = CertificateState::Erased;
             return Ok(Some(PublicCertificate { state, state_at_ms, reason: None, content: None, marks: Vec::new() }));
         }
         let marks = match row.state {

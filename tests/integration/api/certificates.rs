@@ -297,6 +297,9 @@ async fn an_erased_person_leaves_no_trace_in_a_certificate_and_its_address_says_
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_replaced_key_still_verifies_and_its_secret_is_gone() {
+    let waiting = centre.administrator.read("/api/v1/pending-erasures").await;
+    assert_eq!(hidden["state_at"], waiting["items"][0]["requested_at"], "the day of the request");
+    assert_ne!(hidden["state_at"], made["state_at"]);
     let (centre, _) = with_pass().await;
     let stranger = centre.service.stranger();
     let old = issue(&centre, "en").await;
