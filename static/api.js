@@ -17,6 +17,8 @@ export class Problem extends Error {
   title = '';
   detail = '';
   type = 'about:blank';
+  /** The address that a certificate would have, if only this computer or network can open it. @type {string | undefined} */
+  local_address;
 
   /** @param {{ type?: string, title: string, status: number, detail?: string, [member: string]: unknown }} members */
   constructor({ type, title, status, detail, ...more }) {

@@ -1,9 +1,24 @@
-//! The service's public address. xAPI statements identify accounts and activities by addresses that start with it.
+//! The service's public address. xAPI statements identify accounts and activities by addresses that start with it, and
+//! certificates, codes for a check-in and the provider of single sign-on have addresses of its pages.
+
+use std::net::IpAddr;
 
 use axum::http::uri::Authority;
 use axum::http::{HeaderMap, header};
 
+use super::error::{HandlerResult, Refusal};
 use super::state::App;
+
+/// Who can open an address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum AddressReach {
+    /// It has a name or number of the internet.
+    Internet,
+    /// Only computers in the same network.
+    Network,
+    /// Only the computer of the service.
+    Computer,
+}
 
 impl App {
     /// The service's address without a trailing slash: `public_url` if it is set, else the `Host` of the request with
@@ -16,5 +31,80 @@ impl App {
         let host = host.and_then(|host| host.parse::<Authority>().ok());
         let scheme = if self.service_info.is_https { "https" } else { "http" };
         format!("{scheme}://{}{}", host.as_ref().map_or("localhost", Authority::as_str), self.settings.base_path)
+    }
+
+    /// The service's address for what lasts and is read elsewhere, such as a certificate: as [`App::base_url`].
+    ///
+    /// # Errors
+    /// No address is set, and that of the request can be opened only here; unless `is_local_accepted`.
+    pub fn lasting_base_url(&self, headers: &HeaderMap, is_local_accepted: bool) -> HandlerResult<String> {
+        let base = self.base_url(headers);
+        let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
+        let host = host.and_then(|host| host.parse::<Authority>().ok());
+        let reach = reach_of(host.as_ref().map_or("localhost", |host| host.host()));
+        if self.settings.public_url.is_some() || is_local_accepted || reach == AddressReach::Internet {
+            return Ok(base);
+        }
+        let readers = match reach {
+            AddressReach::Computer => "only on this computer",
+            AddressReach::Network | AddressReach::Internet => "only in your own network",
+        };
+        let detail = format!(
+            "It would have the address {base} for ever, which can be opened {readers}. An administrator can set the right \
+             address with `public_url` under `[http]` in the settings (docs/operations.md, Settings). If it is to have this \
+             address all the same, confirm it with `accept_local_address`."
+        );
+        Err(Refusal::Conflict.with(detail).member("local_address", base))
+    }
+}
+
+/// Who can open an address with this host.
+fn reach_of(host: &str) -> AddressReach {
+    let host = host.trim_start_matches('[').trim_end_matches(']').trim_end_matches('.').to_ascii_lowercase();
+    if let Ok(address) = host.parse::<IpAddr>() {
+        return match address.to_canonical() {
+            address if address.is_loopback() || address.is_unspecified() => AddressReach::Computer,
+            IpAddr::V4(v4) if v4.is_private() || v4.is_link_local() => AddressReach::Network,
+            IpAddr::V6(v6) if v6.is_unique_local() || v6.is_unicast_link_local() => AddressReach::Network,
+            _ => AddressReach::Internet,
+        };
+    }
+    let local_endings = [".local", ".lan", ".internal", ".intranet", ".home.arpa", ".localdomain", ".test"];
+    match &*host {
+        "localhost" => AddressReach::Computer,
+        name if name.ends_with(".localhost") => AddressReach::Computer,
+        name if !name.contains('.') || local_endings.iter().any(|ending| name.ends_with(ending)) => {
+            AddressReach::Network
+        }
+        _ => AddressReach::Internet,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reach_of_an_address_follows_from_its_host() {
+        for host in ["localhost", "LOCALHOST", "trocar.localhost", "127.0.0.1", "127.8.8.8", "[::1]", "0.0.0.0"] {
+            assert_eq!(reach_of(host), AddressReach::Computer, "{host}");
+        }
+        for host in [
+            "192.168.1.5",
+            "10.0.0.1",
+            "172.16.0.9",
+            "169.254.1.1",
+            "[fd00::1]",
+            "[fe80::1]",
+            "trocar",
+            "skills.local",
+            "skills.lan",
+            "::ffff:10.0.0.1",
+        ] {
+            assert_eq!(reach_of(host), AddressReach::Network, "{host}");
+        }
+        for host in ["skills.example", "203.0.113.9", "172.32.0.1", "[2001:db8::1]", "skills.hospital.example."] {
+            assert_eq!(reach_of(host), AddressReach::Internet, "{host}");
+        }
     }
 }

@@ -170,6 +170,9 @@ test('the certificate is issued; a stranger sees that it is valid, that a change
   await open(`/trainees/${made.ada.id}/certificate?task=${made.task.id}`);
   await button('Issue certificate').click();
   await page.locator('dialog').getByRole('button', { name: 'Issue certificate' }).click();
+  await page.locator('dialog').getByText('This address works only here').waitFor();
+  await takePictures('07-local-address');
+  await page.locator('dialog').getByRole('button', { name: 'Issue with this address' }).click();
   await page.locator('.certificates .pill', { hasText: 'Valid' }).waitFor();
   await takePictures('07-issued');
   const [certificate] = (await getJson(`certificates?trainee=${made.ada.id}`)).items;

@@ -211,6 +211,9 @@ pub struct NewCertificate {
     pub task: Key,
     /// The language that it is written in.
     pub language: CertificateLanguage,
+    /// True: the certificate may have an address that can be opened only on the service's computer or in its network.
+    #[serde(default)]
+    pub accept_local_address: bool,
 }
 
 /// Why the state of a certificate is changed.

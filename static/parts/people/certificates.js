@@ -5,7 +5,7 @@ import { calendarDay, date, dateTime } from '../../format.js';
 import { href } from '../../router.js';
 import { may } from '../../roles.js';
 import { t } from '../../texts.js';
-import { useData } from '../../data.js';
+import { asProblem, useData } from '../../data.js';
 import { Dialog } from '../forms/dialog.js';
 import { Form } from '../forms/form.js';
 import { Empty, Loading, Notice, ProblemNotice } from '../page/notice.js';
@@ -96,12 +96,26 @@ export const eventText = ({ event, session }) => words.events[event](session);
 export function IssueNotice({ trainee, task, onIssued }) {
   const [dialog, setDialog] = useState(false);
   const fields = [{ name: 'language', label: words.language, type: 'select', value: words.pageLanguage, options: Object.entries(words.languages) }];
-  const save = values => api.certificates.issue(trainee, { task, ...values }).then(made => (setDialog(false), onIssued(made)));
+  // The address that the certificate would have for ever, if only this computer or network can open it.
+  const [localAddress, setLocalAddress] = useState(null);
+  const close = () => (setDialog(false), setLocalAddress(null));
+  const save = async values => {
+    try {
+      const made = await api.certificates.issue(trainee, { task, ...values, accept_local_address: localAddress !== null });
+      close();
+      onIssued(made);
+    } catch (error) {
+      const { local_address: address } = asProblem(error);
+      if (!address) throw error;
+      setLocalAddress(address);
+    }
+  };
   return html`
     <${Notice} tone="busy" title=${words.notIssued}>${words.notIssuedBody}<//>
     <p><button class="button main" type="button" onClick=${() => setDialog(true)}>${words.issue}</button></p>
-    ${dialog && html`<${Dialog} title=${words.issue} onClose=${() => setDialog(false)}>
+    ${dialog && html`<${Dialog} title=${words.issue} onClose=${close}>
       <p>${words.issueBody}</p>
-      <${Form} fields=${fields} submit=${words.issue} onSave=${save} onCancel=${() => setDialog(false)} />
+      ${localAddress && html`<${Notice} tone="warn" title=${words.localAddress(localAddress)}>${words.localAddressBody}<//>`}
+      <${Form} fields=${fields} submit=${localAddress ? words.issueAllTheSame : words.issue} onSave=${save} onCancel=${close} />
     <//>`}`;
 }

@@ -33,7 +33,7 @@ async fn with_pass() -> (Centre, Planter) {
 }
 
 async fn issue(centre: &Centre, language: &str) -> Value {
-    centre.instructor.make(OF_ADA, json!({"task": "peg", "language": language})).await
+    centre.instructor.make(OF_ADA, json!({"task": "peg", "language": language, "accept_local_address": true})).await
 }
 
 fn address(certificate: &Value) -> String {
@@ -111,7 +111,7 @@ async fn what_was_issued_stays_when_standard_score_and_names_change() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_certificate_needs_a_pass_a_printable_name_and_is_issued_once() {
     let (centre, _) = with_pass().await;
-    let new = json!({"task": "peg", "language": "en"});
+    let new = json!({"task": "peg", "language": "en", "accept_local_address": true});
     let of_bob = "/api/v1/trainees/bob/certificates";
     problem(centre.administrator.post(of_bob, new.clone()).await, 409, "conflict").await;
     problem(centre.instructor.post(of_bob, new.clone()).await, 404, "not-found").await;
@@ -119,7 +119,7 @@ async fn a_certificate_needs_a_pass_a_printable_name_and_is_issued_once() {
     for body in [json!({}), json!({"task": "peg"}), json!({"task": "peg", "language": "fr"})] {
         problem(centre.instructor.post(OF_ADA, body).await, 422, "invalid").await;
     }
-    let unknown = json!({"task": "nowhere", "language": "en"});
+    let unknown = json!({"task": "nowhere", "language": "en", "accept_local_address": true});
     problem(centre.instructor.post(OF_ADA, unknown).await, 422, "unknown-reference").await;
     centre.administrator.patch("/api/v1/trainees/ada", json!({"name": "王小明"})).await;
     let refused = problem(centre.instructor.post(OF_ADA, new.clone()).await, 422, "invalid").await;
@@ -271,6 +271,23 @@ async fn moved_edited_and_erased_sessions_put_their_certificates_under_review() 
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn an_address_that_works_only_here_is_confirmed_before_a_certificate_keeps_it() {
+    let (centre, _) = with_pass().await;
+    let body = json!({"task": "peg", "language": "en"});
+    let refused = problem(centre.instructor.post(OF_ADA, body.clone()).await, 409, "conflict").await;
+    let local = refused["local_address"].as_str().unwrap();
+    assert!(local.starts_with("http://127.0.0.1"), "{refused}");
+    let detail = refused["detail"].as_str().unwrap();
+    assert!(detail.contains("public_url") && detail.contains("only on this computer"), "{detail}");
+    assert_eq!(centre.administrator.read("/api/v1/certificates").await["items"], json!([]));
+    let host = |host: &str| centre.instructor.clone().with("host", host);
+    let inside = problem(host("192.168.1.20:8080").post(OF_ADA, body.clone()).await, 409, "conflict").await;
+    assert_eq!(inside["local_address"], "http://192.168.1.20:8080");
+    let made = host("skills.example").make(OF_ADA, body).await;
+    assert!(made["content"]["address"].as_str().unwrap().starts_with("http://skills.example/verify/"), "{made}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn an_erased_person_leaves_no_trace_in_a_certificate_and_its_address_says_so() {
     let (centre, _) = with_pass().await;
     centre.administrator.patch("/api/v1/trainees/ada", json!({"name": "Planted Marker"})).await;
@@ -280,6 +297,9 @@ async fn an_erased_person_leaves_no_trace_in_a_certificate_and_its_address_says_
     assert_eq!(centre.instructor.delete("/api/v1/trainees/ada?can_be_taken_back=true").await.status(), 204);
     let hidden = stranger.read(&check).await;
     assert_eq!((&hidden["state"], &hidden["content"]), (&json!("erased"), &Value::Null), "while the erasure waits");
+    let waiting = centre.administrator.read("/api/v1/pending-erasures").await;
+    assert_eq!(hidden["state_at"], waiting["items"][0]["requested_at"], "the day of the request");
+    assert_ne!(hidden["state_at"], made["state_at"]);
     problem(centre.administrator.get(&address(&made)).await, 404, "not-found").await;
     assert_eq!(centre.administrator.read("/api/v1/certificates").await["items"], json!([]));
     assert_eq!(centre.administrator.delete("/api/v1/trainees/ada").await.status(), StatusCode::NO_CONTENT);
@@ -297,9 +317,6 @@ async fn an_erased_person_leaves_no_trace_in_a_certificate_and_its_address_says_
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_replaced_key_still_verifies_and_its_secret_is_gone() {
-    let waiting = centre.administrator.read("/api/v1/pending-erasures").await;
-    assert_eq!(hidden["state_at"], waiting["items"][0]["requested_at"], "the day of the request");
-    assert_ne!(hidden["state_at"], made["state_at"]);
     let (centre, _) = with_pass().await;
     let stranger = centre.service.stranger();
     let old = issue(&centre, "en").await;

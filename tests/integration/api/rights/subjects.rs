@@ -197,7 +197,11 @@ impl FilledCentre {
         administrator.make("/api/v1/tasks/task-one/standards", standard).await;
         import(administrator, ["ada", "bob"][side], 100 + side as u32).await;
         let path = format!("/api/v1/trainees/{}/certificates", ["ada", "bob"][side]);
-        text(&administrator.make(&path, json!({"task": "task-one", "language": "de"})).await["id"])
+        text(
+            &administrator
+                .make(&path, json!({"task": "task-one", "language": "de", "accept_local_address": true}))
+                .await["id"],
+        )
     }
 
     /// Two new records that are merged, and their merge.
