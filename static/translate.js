@@ -91,6 +91,17 @@ export function colourReason(reason, cause) {
   return text ? { text, lang: undefined } : { text: reason, lang: serviceLang };
 }
 
+/**
+ * Why a feature has no value, as `{ text, lang }`; an empty text where the service gives no reason. Words of other programs
+ * have no code.
+ *
+ * @param {{ not_enough?: string | null, not_enough_reason?: { code: string, numbers: number[] } | null }} feature
+ */
+export function notEnoughText({ not_enough: sentence, not_enough_reason: reason }) {
+  const text = reason && translationOf('notEnough', reason.code)?.(...reason.numbers);
+  return text ? { text, lang: undefined } : { text: sentence ?? '', lang: sentence ? serviceLang : undefined };
+}
+
 /** What a self-test found about a part, as `{ text, lang }`. */
 export function selfTestFinding(part, test) {
   const text = translationOf('selfTest', `${part.part} ${part.unit}`)?.(part, test);

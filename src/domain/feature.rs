@@ -8,7 +8,7 @@ use super::session::{FeatureRow, FeatureSpace};
 use super::text::Invalid;
 use super::trainee::Handedness;
 use crate::motion::features::path_error::{PathBar, PathError};
-use crate::motion::features::{self, Family, Feature, FeatureSettings, Space, UnknownFeature, path};
+use crate::motion::features::{self, Family, Feature, FeatureSettings, Space, StatedReason, UnknownFeature, path};
 
 /// One feature of a session: of one tool, of one hand, or of the session as a whole, in one space.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
@@ -36,6 +36,22 @@ pub struct StoredFeatureKey {
     pub tool: Option<String>,
     /// Where it was measured.
     pub space: FeatureSpace,
+}
+
+/// Why a feature has no value, by its code.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct NotEnoughReason {
+    /// Its stable name, such as `too_short`.
+    pub code: &'static str,
+    /// The numbers of the sentence in `not_enough`, in its order; shares in per cent.
+    pub numbers: Vec<f64>,
+}
+
+impl NotEnoughReason {
+    /// The reason that a result states in words; `None` if this program does not know them.
+    pub fn of(sentence: &str) -> Option<Self> {
+        StatedReason::of(sentence).map(|StatedReason { code, numbers }| Self { code, numbers })
+    }
 }
 
 impl From<&FeatureRow> for StoredFeatureKey {

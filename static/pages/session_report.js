@@ -4,8 +4,8 @@ import { html } from '../preact.js';
 import { api } from '../api.js';
 import { useData } from '../data.js';
 import { clock } from '../format.js';
-import { serviceLang, t } from '../texts.js';
-import { featureWithTool, findingText, toolWithHand } from '../translate.js';
+import { t } from '../texts.js';
+import { featureWithTool, findingText, notEnoughText, toolWithHand } from '../translate.js';
 import { featuresIn, firstSpace, isTooUncertain, poorDepthText } from '../parts/session/compared_space.js';
 import { featureRows } from '../parts/session/features.js';
 import { feedbackLines, loadFeedback, ReportFeedback } from '../parts/session/report_feedback.js';
@@ -94,7 +94,7 @@ function Targets({ features }) {
           <tr key=${`${one.name} ${one.tool} ${one.space}`}>
             <th scope="row">${featureWithTool(one)}</th>
             <td>${limitWithUnit(one.target, one.unit)}</td>
-            <td lang=${one.not_enough ? serviceLang : undefined}>${measuredText(one)}</td>
+            <td lang=${notEnoughText(one).lang}>${measuredText(one)}</td>
             <td><strong>${words.judgements[one.judgement]}</strong></td>
           </tr>`)}</tbody>
       </table>

@@ -3538,6 +3538,24 @@ export default {
     /** Findings of the quality gate, and what to do about them. Without a full stop, because the pages add it. */
     findings: {
       other_box: [() => 'es wurde in einer anderen Box aufgenommen', 'verschieben Sie die Sitzung in die Box, in der sie aufgenommen wurde'],
+    /** Why a feature has no value. Without a full stop, because the pages add it. */
+    notEnough: {
+      never_seen: () => 'das Instrument wurde nie lange genug gesehen, um seiner Bewegung zu folgen',
+      too_short: (seen, needed) => `${twoDecimals(seen)} s gesehen; nötig sind ${decimal(needed)} s`,
+      too_little_seen: (seen, needed) => `in ${seen} % der Zeit gesehen; nötig sind ${needed} %`,
+      no_movement: () => 'nichts hat sich bewegt',
+      movements_too_long: (share, needed) => `${share} % der Bewegungszeit liegen in genügend kurzen Bewegungen; nötig sind ${needed} %`,
+      returns_to_start: () => 'die Bewegungen enden, wo sie begannen',
+      no_fulcrum: () => 'der Ort des Trokars ist unbekannt',
+      no_reasons: () => 'der Pfad sagt nicht, warum ein Instrument nicht gesehen wurde',
+      no_stretch: needed => `die gesehene Zeit muss größtenteils in Abschnitten von ${decimal(needed.toFixed(1))} s ohne Lücke liegen`,
+      not_two_tools: found => `vergleicht zwei Instrumente; der Pfad hat ${found}`,
+      other_tool: () => 'der Pfad des anderen Instruments ließ sich nicht messen',
+      unusable_samples: () => 'die Messpunkte sind keine endlichen Zahlen in zeitlicher Reihenfolge',
+      unusable_setting: () => 'eine Einstellung der Auswertung ist nicht verwendbar',
+      refused: () => 'die Sitzung ist abgelehnt; siehe ihre Qualität',
+      out_of_range: () => 'so bewegt sich keine Hand',
+    },
       box_surroundings: [shareFigure(0, (is, limit) => `das sieht nicht aus wie die Box: Die Umgebung stimmt zu ${is} % mit ihren eigenen Bildern überein; nötig sind ${limit} %`),
         'sagen Sie, ob es diese Box ist. Bis dahin zählt die Sitzung nirgends, und ihre Längen und Geschwindigkeiten können falsch sein: Eine andere Box hat eine andere Kamera'],
       box_trocars: [figure(1, (is, limit) => `die Trokare liegen ${is} mm von denen der Box; höchstens ${limit} mm`),

@@ -126,6 +126,7 @@ for (const [name, words] of Object.entries({ English: pages, German: german }))
 /** Arguments for the text functions of the service's codes. */
 const CODE_ARGUMENTS = {
   findings: [0.123, 0.5],
+  notEnough: [0.5, 2],
   nearest: ['background'],
   longest: [{ from_s: 2.2, to_s: 6, to_end: true }],
   rows: [{ from_frame: 9, from_s: 0.3, to_frame: 10, to_s: 0.3333 }],
@@ -176,6 +177,7 @@ test('every code of the service has a German text', () => {
     exercises: named(source('measurement/src/statistics/standard/fls.rs'), /^    preset\("([a-z_]+)"/gm),
     items: named(source('src/domain/rating/forms.rs'), /^        "([a-z_]+)",$/gm),
     findings: named(source('measurement/src/motion/quality/cause.rs').split('pub fn unit')[0], /^            QualityCause::[A-Za-z]+ => "([a-z_]+)",$/gm),
+    notEnough: named(source('measurement/src/motion/features/not_enough.rs'), /^    \("([a-z_]+)", "/gm),
     selfTestAdvice: named(source('measurement/src/checks/self_test/advice.rs'), /^            SelfTestAdvice::[A-Za-z]+ => "([a-z_]+)",$/gm),
     colours: named(source('src/domain/palette.rs').split('ColourFault:')[1].split('pub struct')[0], /^        [A-Za-z]+ = "([a-z_]+)",$/gm),
     withheld: named(source('measurement/src/statistics/no_answer.rs'), /NoAnswer::[A-Za-z]+(?: \{ \.\. \})? => "([a-z_]+)"/g),

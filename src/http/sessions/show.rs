@@ -5,7 +5,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use crate::domain::box_agent::messages::LastRecording;
-use crate::domain::feature::{ComparisonSpace, StoredFeatureKey};
+use crate::domain::feature::{ComparisonSpace, NotEnoughReason, StoredFeatureKey};
 use crate::domain::feed::arrival::Arrival;
 use crate::domain::feed::early_end::EarlyEnd;
 use crate::domain::files::quality::QualityDocument;
@@ -243,6 +243,8 @@ pub struct FeatureResponse {
     value: Option<f64>,
     /// Which observations are missing; `null` if there is a value.
     not_enough: Option<String>,
+    /// The same by its code, for other languages; `null` if there is a value, or for the words of another program.
+    not_enough_reason: Option<NotEnoughReason>,
     /// The error bar of the value; `null` if it is unknown.
     error: Option<FeatureError>,
     /// Why the error bar is unknown; `null` if there is one.
@@ -474,6 +476,7 @@ impl From<FeatureRow> for FeatureResponse {
             in_hand: None,
             space: row.space,
             value,
+            not_enough_reason: not_enough.as_deref().and_then(NotEnoughReason::of),
             not_enough,
             error,
             no_error,

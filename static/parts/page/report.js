@@ -3,6 +3,7 @@ import { html } from '../../preact.js';
 import { dateTime, number, unit } from '../../format.js';
 import { href } from '../../router.js';
 import { t } from '../../texts.js';
+import { notEnoughText } from '../../translate.js';
 import { withError } from '../../with_error.js';
 import { CentreLetterhead } from './centre_mark.js';
 
@@ -48,10 +49,11 @@ export const Provenance = ({ rows }) => html`
  * `61.2 ± 0.8 s`. Says if the error is not known; without a value, gives the reason.
  *
  * @param {{ value?: number | null, error?: { low: number, high: number } | null, not_enough?: string | null,
- *   is_lower_bound?: boolean, unit: string }} feature
+ *   not_enough_reason?: { code: string, numbers: number[] } | null, is_lower_bound?: boolean, unit: string }} feature
  */
-export function measuredText({ value, error, not_enough: why, is_lower_bound: isLowerBound, unit: name }) {
-  if (value === null || value === undefined) return why ?? words.notMeasured;
+export function measuredText(feature) {
+  const { value, error, is_lower_bound: isLowerBound, unit: name } = feature;
+  if (value === null || value === undefined) return notEnoughText(feature).text || words.notMeasured;
   if (isLowerBound) return `${t.session.atLeast(number(value))} ${unit(name)}`.trim();
   const text = error ? withError(value, error).join(' ± ') : `${number(value)} ${words.errorUnknown}`;
   return `${text} ${unit(name)}`.trim();

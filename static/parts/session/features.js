@@ -1,8 +1,8 @@
 // The features of a session: one row per feature, one column per tool, "not enough" in words instead of a number.
 import { html, useState } from '../../preact.js';
 import { number, unit } from '../../format.js';
-import { serviceLang, t } from '../../texts.js';
-import { featureTitle, toolWithHand } from '../../translate.js';
+import { t } from '../../texts.js';
+import { featureTitle, notEnoughText, toolWithHand } from '../../translate.js';
 import { Empty } from '../page/notice.js';
 import { CohortChooser, CohortPlace } from './cohort_places.js';
 import { featuresIn, firstSpace, isTooUncertain, PoorDepth } from './compared_space.js';
@@ -68,7 +68,7 @@ export function Features({ session, places, evidence, playback }) {
     <${PoorDepth} session=${session} />
     <${CohortChooser} places=${places} />
     ${liveRows.size > 0 && html`<p class="small muted chooser">${words.liveDiffers}</p>`}
-    ${general.map(why => html`<p key=${why} class="small muted chooser" lang=${serviceLang}>${why}</p>`)}
+    ${general.map(why => html`<p key=${why.text} class="small muted chooser" lang=${why.lang}>${why.text}</p>`)}
     <div class="row chooser fold-all"><${FoldAll} parts=${parts} folds=${folds} /></div>
     ${parts.map(part => html`<${Fold} key=${part.key} part=${part} folds=${folds}>
       <${PartTable} part=${part} columns=${columns} heads=${heads} general=${general} open=${open} toggle=${toggle} evidence=${evidence}
@@ -95,8 +95,8 @@ const Row = ({ row, columns, general, open, toggle, evidence, playback, places, 
   <tr>
     <th scope="row"><${Title} row=${row} evidence=${evidence} open=${open === row.name}
       onToggle=${stretch => toggle(row, stretch)} />${whyNot(row)
-      .filter(why => !general.includes(why))
-      .map(why => html`<small key=${why} lang=${serviceLang}>${why}</small>`)}</th>
+      .filter(why => !general.some(one => one.text === why.text))
+      .map(why => html`<small key=${why.text} lang=${why.lang}>${why.text}</small>`)}</th>
     ${columns.map(tool => html`<td key=${tool} class=${`number ${isFaint(row.byTool.get(tool)) ? 'faint' : ''}`}><${Value}
       feature=${row.byTool.get(tool)} answer=${places.answer} /><${LiveValue} feature=${liveRows.get(row.name)?.get(tool)} /></td>`)}
     <td class="unit">${unit(row.unit)}</td>
@@ -135,16 +135,17 @@ const LowerBound = ({ row }) => [...row.byTool.values()].some(feature => feature
  */
 function whyNot(row) {
   const features = [...row.byTool.values()];
-  const missing = features.filter(isMissing);
-  const isSame = features.length > 1 && missing.length === features.length && new Set(missing.map(one => one.not_enough)).size === 1;
-  return isSame ? [missing[0].not_enough] : missing.map(feature => [feature.tool, feature.not_enough].filter(Boolean).join(': '));
+  const missing = features.filter(isMissing).map(feature => ({ tool: feature.tool, ...notEnoughText(feature) }));
+  const isSame = features.length > 1 && missing.length === features.length && new Set(missing.map(one => one.text)).size === 1;
+  if (isSame) return [missing[0]];
+  return missing.map(({ tool, text, lang }) => ({ text: [tool, text].filter(Boolean).join(': '), lang }));
 }
 
 /** A reason of most rows, such as a tool that was never seen, is shown once above the table. */
 function generalReasons(rows) {
   const counts = new Map();
-  for (const why of rows.flatMap(whyNot)) counts.set(why, (counts.get(why) ?? 0) + 1);
-  return [...counts].filter(([, count]) => count > rows.length / 2).map(([why]) => why);
+  for (const why of rows.flatMap(whyNot)) counts.set(why.text, { why, count: (counts.get(why.text)?.count ?? 0) + 1 });
+  return [...counts.values()].filter(({ count }) => count > rows.length / 2).map(({ why }) => why);
 }
 
 const isMissing = feature => feature.value === null || feature.value === undefined;

@@ -44,7 +44,7 @@ pub mod view;
 pub use family::Family;
 pub use habit::Habit;
 pub use informative::TooUncertain;
-pub use not_enough::NotEnough;
+pub use not_enough::{NotEnough, StatedReason};
 pub use settings::{FeatureSettings, MOVEMENT_END_RATIO};
 
 use std::fmt;

@@ -96,3 +96,94 @@ impl fmt::Display for NotEnough {
         }
     }
 }
+
+/// A stored reason, in a form that can be said in any language.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StatedReason {
+    /// Its stable name.
+    pub code: &'static str,
+    /// Its numbers, in the order of the sentence; shares in per cent.
+    pub numbers: Vec<f64>,
+}
+
+/// The sentences of [`NotEnough`], with `#` for a number and `*` for a name. Results store the sentence, so that a table or
+/// a file can be read without this program; those of earlier versions of the program have no code.
+const SENTENCES: [(&str, &str); 15] = [
+    ("never_seen", "the tool was never seen for long enough to follow its motion"),
+    ("too_short", "seen for # s; needs # s"),
+    ("too_little_seen", "seen for # % of the time; needs # %"),
+    ("no_movement", "nothing moved"),
+    ("movements_too_long", "# % of the moving time is in short enough movements; needs # %"),
+    ("returns_to_start", "the movements end where they began"),
+    ("no_fulcrum", "the position of the trocar is unknown"),
+    ("no_reasons", "the path does not say why a tool was not seen"),
+    ("no_stretch", "needs most of the seen time in stretches of # s without a gap"),
+    ("not_two_tools", "compares two tools; the trajectory has #"),
+    ("other_tool", "the other tool's path could not be measured"),
+    ("unusable_samples", "the samples are not finite numbers in time order"),
+    ("unusable_setting", "the setting * cannot be used"),
+    ("refused", "the session was refused; see its quality"),
+    ("out_of_range", "no hand can move like this path"),
+];
+
+impl StatedReason {
+    /// The reason that a result states in words; `None` if no version of this program has said so.
+    pub fn of(sentence: &str) -> Option<Self> {
+        SENTENCES.iter().find_map(|(code, form)| Some(Self { code, numbers: numbers_in(form, sentence)? }))
+    }
+}
+
+/// The numbers of a sentence of this form.
+fn numbers_in(form: &str, sentence: &str) -> Option<Vec<f64>> {
+    let mut numbers = Vec::new();
+    let mut rest = sentence;
+    let mut form = form;
+    while let Some(at) = form.find(['#', '*']) {
+        let (before, after) = (&form[..at], &form[at + 1..]);
+        rest = rest.strip_prefix(before)?;
+        let next = after.find(['#', '*']).map_or(after, |next| &after[..next]);
+        let end = if next.is_empty() { rest.len() } else { rest.find(next)? };
+        if form[at..].starts_with('#') {
+            numbers.push(rest[..end].parse().ok()?);
+        }
+        (rest, form) = (&rest[end..], after);
+    }
+    (rest == form).then_some(numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_sentence_has_one_code_and_keeps_its_numbers() {
+        let all = [
+            (NotEnough::NeverSeen, vec![]),
+            (NotEnough::TooShort { observed_s: 0.5, needed_s: 2.0 }, vec![0.5, 2.0]),
+            (NotEnough::TooLittleSeen { share: 0.42, needed: 0.9 }, vec![42.0, 90.0]),
+            (NotEnough::NoMovement, vec![]),
+            (NotEnough::MovementsTooLong { share: 0.1, needed: 0.5 }, vec![10.0, 50.0]),
+            (NotEnough::ReturnsToStart, vec![]),
+            (NotEnough::NoFulcrum, vec![]),
+            (NotEnough::NoReasons, vec![]),
+            (NotEnough::NoStretch { needed_s: 4.0 }, vec![4.0]),
+            (NotEnough::NotTwoTools { found: 3 }, vec![3.0]),
+            (NotEnough::OtherTool, vec![]),
+            (NotEnough::UnusableSamples, vec![]),
+            (NotEnough::UnusableSetting("thinking_speed"), vec![]),
+            (NotEnough::Refused, vec![]),
+            (NotEnough::OutOfRange, vec![]),
+        ];
+        for ((reason, numbers), (code, _)) in all.iter().zip(SENTENCES) {
+            let stated = StatedReason::of(&reason.to_string());
+            assert_eq!(stated, Some(StatedReason { code, numbers: numbers.clone() }), "{reason}");
+        }
+    }
+
+    #[test]
+    fn other_sentences_have_no_code() {
+        for sentence in ["", "seen for long", "seen for x s; needs 2 s", "nothing moved at all", "too few"] {
+            assert_eq!(StatedReason::of(sentence), None, "{sentence}");
+        }
+    }
+}
