@@ -24,6 +24,8 @@ export class LiveWatch {
   light = null;
   /** How far camera and ports have moved since earlier recordings; null if not known. */
   placement = null;
+  /** The movement of the camera during this recording. @type {{ mm: number, at_s: number } | null} */
+  movedDuring = null;
   /**
    * How well each tool was seen so far, judged as the result will be.
    * @type {{ coverage: number | null, reason: Schemas['ConcernDocument'] | null }[]}
@@ -167,9 +169,10 @@ export class LiveWatch {
     this.#notifyListeners();
   }
 
-  #keepFeatures({ features, light, placement, seen, is_learning_box: isLearningBox }) {
+  #keepFeatures({ features, light, placement, moved_during: movedDuring, seen, is_learning_box: isLearningBox }) {
     [this.features, this.light, this.placement, this.seen] = [features, light, placement, seen ?? []];
     this.isLearningBox = isLearningBox;
+    this.movedDuring = movedDuring ?? null;
   }
 
   #countMissed(count) {

@@ -47,7 +47,7 @@ function Tile({ session, onClosed }) {
   const watch = useLiveWatch(session.id, onClosed);
   useToolStates(watch);
   const learningBox = watch.isLearningBox ? t.watch.learningBox : null;
-  const faults = [lightFault(watch.light), placementFault(watch.placement, watch.track?.tools ?? []), learningBox]
+  const faults = [lightFault(watch.light), placementFault(watch), learningBox]
     .flatMap(fault => fault ?? []);
   return html`
     <article class="card tile">

@@ -1299,6 +1299,9 @@ export default {
     placement: {
       steady: 'Kamera und Trokare am gewohnten Ort',
       unknown: 'Ort der Kamera noch nicht geprüft',
+      moved: (mm, at) => `Die Kamera wurde während dieser Aufnahme bewegt, um etwa ${mm} mm bei ${at}`,
+      movedAdvice:
+        'Beenden Sie diese Aufnahme, stellen Sie die Kamera zurück, und nehmen Sie neu auf. Sonst ist die Sitzung nur mit Vorsicht zu verwenden: Die Ausbildung kann sie auf den Teil davor oder danach kürzen.',
       camera: mm => `Die Kamera wurde bewegt: Alles liegt etwa ${mm} mm anders als in früheren Aufnahmen`,
       cameraAdvice:
         'Prüfen Sie, ob die richtige Box gewählt ist. Stellen Sie die Kamera dann zurück, oder fragen Sie in der Ausbildung. Längen und Geschwindigkeiten sind nur mit derselben Kamera, demselben Zoom und derselben Schärfe richtig; Positionen sind nicht mit früheren Aufnahmen vergleichbar.',
@@ -3148,12 +3151,12 @@ export default {
     languages: { en: 'Englisch', de: 'Deutsch' },
     pageLanguage: 'de',
     notIssued: 'Noch nicht ausgestellt',
-    notIssuedBody: 'Das Blatt unten hat keine Signatur. Stellen Sie das Zertifikat aus: Dann gibt es ein signiertes PDF mit einem Code, den andere prüfen können.',
-    keys: 'Schlüssel der Zertifikate',
-    keysBody: 'Zertifikate werden mit dem neuesten Schlüssel signiert. Diese öffentlichen Schlüssel darf jeder haben; mit ihnen lässt sich ein Zertifikat ohne diesen Server prüfen.',
     localAddress: address => `Diese Adresse funktioniert nur hier: ${address}`,
     localAddressBody: 'Andere können sie anderswo nicht öffnen, und ein Zertifikat behält seine Adresse für immer. Eine Administratorin oder ein Administrator kann die richtige einstellen: public_url im Abschnitt [http] der Einstellungen (docs/operations.md, „Settings“). Stellen Sie das Zertifikat danach aus.',
     issueAllTheSame: 'Mit dieser Adresse ausstellen',
+    notIssuedBody: 'Das Blatt unten hat keine Signatur. Stellen Sie das Zertifikat aus: Dann gibt es ein signiertes PDF mit einem Code, den andere prüfen können.',
+    keys: 'Schlüssel der Zertifikate',
+    keysBody: 'Zertifikate werden mit dem neuesten Schlüssel signiert. Diese öffentlichen Schlüssel darf jeder haben; mit ihnen lässt sich ein Zertifikat ohne diesen Server prüfen.',
     keyNone: 'Der erste Schlüssel entsteht mit dem ersten Zertifikat.',
     keySince: day => `seit ${day}`,
     keyUntil: day => `bis ${day}`,
@@ -3535,9 +3538,6 @@ export default {
       no_seconds: 'Ein Grenzwert des Standards ist verfehlt, aber keine Sekunden der Aufnahme zeigen deutlich, warum.',
       nothing_sure: 'Kein Kennwert verfehlt den Standard um mehr als seine Unsicherheit.',
     },
-    /** Findings of the quality gate, and what to do about them. Without a full stop, because the pages add it. */
-    findings: {
-      other_box: [() => 'es wurde in einer anderen Box aufgenommen', 'verschieben Sie die Sitzung in die Box, in der sie aufgenommen wurde'],
     /** Why a feature has no value. Without a full stop, because the pages add it. */
     notEnough: {
       never_seen: () => 'das Instrument wurde nie lange genug gesehen, um seiner Bewegung zu folgen',
@@ -3556,6 +3556,9 @@ export default {
       refused: () => 'die Sitzung ist abgelehnt; siehe ihre Qualität',
       out_of_range: () => 'so bewegt sich keine Hand',
     },
+    /** Findings of the quality gate, and what to do about them. Without a full stop, because the pages add it. */
+    findings: {
+      other_box: [() => 'es wurde in einer anderen Box aufgenommen', 'verschieben Sie die Sitzung in die Box, in der sie aufgenommen wurde'],
       box_surroundings: [shareFigure(0, (is, limit) => `das sieht nicht aus wie die Box: Die Umgebung stimmt zu ${is} % mit ihren eigenen Bildern überein; nötig sind ${limit} %`),
         'sagen Sie, ob es diese Box ist. Bis dahin zählt die Sitzung nirgends, und ihre Längen und Geschwindigkeiten können falsch sein: Eine andere Box hat eine andere Kamera'],
       box_trocars: [figure(1, (is, limit) => `die Trokare liegen ${is} mm von denen der Box; höchstens ${limit} mm`),

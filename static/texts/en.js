@@ -1151,6 +1151,9 @@ export default {
     placement: {
       steady: 'Camera and trocars in their usual place',
       unknown: 'Camera position not checked yet',
+      moved: (mm, at) => `The camera was moved during this recording, by about ${mm} mm at ${at}`,
+      movedAdvice:
+        'End this recording, put the camera back as it was, and record again. Otherwise the session is one to use with care: staff can trim it to the part before or after that moment.',
       camera: mm => `The camera has moved: everything is about ${mm} mm from where it was in earlier recordings`,
       cameraAdvice:
         'Check that the right box is chosen, then put the camera back as it was, or ask your instructor. Lengths and speeds are right only with the same camera, zoom and focus; positions cannot be compared with earlier recordings.',
@@ -2998,12 +3001,12 @@ export default {
     languages: { en: 'English', de: 'German' },
     pageLanguage: 'en',
     notIssued: 'Not issued yet',
-    notIssuedBody: 'The sheet below has no signature. Issue the certificate to get a signed PDF with a code that others can check.',
-    keys: 'Keys of certificates',
-    keysBody: 'Certificates are signed with the newest key. Anyone may have these public keys; they are needed to check a certificate without this server.',
     localAddress: address => `This address works only here: ${address}`,
     localAddressBody: 'People elsewhere cannot open it, and a certificate keeps its address for ever. An administrator can set the right one: public_url in the section [http] of the settings (docs/operations.md, “Settings”). Then issue the certificate.',
     issueAllTheSame: 'Issue with this address',
+    notIssuedBody: 'The sheet below has no signature. Issue the certificate to get a signed PDF with a code that others can check.',
+    keys: 'Keys of certificates',
+    keysBody: 'Certificates are signed with the newest key. Anyone may have these public keys; they are needed to check a certificate without this server.',
     keyNone: 'The first key is made with the first certificate.',
     keySince: day => `since ${day}`,
     keyUntil: day => `until ${day}`,

@@ -73,6 +73,8 @@ enum LiveMessage {
         features: Vec<LiveFeature>,
         light: Option<LiveLight>,
         placement: Option<LivePlacement>,
+        /// The movement of the camera during this recording; `null` if there was none so far.
+        moved_during: Option<LiveMovement>,
         /// How well each tool was seen so far.
         seen: Vec<LiveSeen>,
         /// The box behind tools without tape is still being learned, so they may be found late.
@@ -107,6 +109,15 @@ struct LivePlacement {
     camera: Option<LiveShift>,
     /// Shift of each tool's trocar; `null` if it has not moved, or only together with the camera.
     ports: Vec<Option<LiveShift>>,
+}
+
+/// A movement of the camera during the recording.
+#[derive(Debug, Serialize)]
+struct LiveMovement {
+    /// How far, at the depth of the tools.
+    mm: f64,
+    /// When, s of the recording.
+    at_s: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -399,7 +410,8 @@ fn encode_messages(followed: &FollowReply, watch: &FeedWatcher) -> Vec<EncodedMe
             tools.iter().zip(followed.seen.iter().flatten()).map(|(tool, seen)| LiveSeen::new(tool, seen)).collect();
         let features = live_features(rows, &tools);
         let is_learning_box = followed.is_learning_box;
-        messages.push(LiveMessage::Features { features, light, placement, seen, is_learning_box });
+        let moved_during = followed.moved_during.map(|moved| LiveMovement { mm: moved.mm, at_s: moved.at_s });
+        messages.push(LiveMessage::Features { features, light, placement, moved_during, seen, is_learning_box });
     }
     let texts = messages.iter().filter_map(|message| serde_json::to_vec(message).ok());
     let mut encoded: Vec<EncodedMessage> = texts.map(|text| EncodedMessage::Text(text.into())).collect();

@@ -61,9 +61,9 @@ export const LightState = ({ watch: { isFresh, light } }) => html`<${SteadyCheck
   steadyText=${words.light[isFresh && light ? 'steady' : 'unknown']} />`;
 
 /** Whether camera and ports are where they were in earlier recordings. @param {Props} props */
-export const PlacementState = ({ watch: { isFresh, placement, track } }) => html`<${SteadyCheck} icon=${icons.camera}
-  fault=${isFresh && placementFault(placement, track.tools)}
-  steadyText=${words.placement[isFresh && placement ? 'steady' : 'unknown']} />`;
+export const PlacementState = ({ watch }) => html`<${SteadyCheck} icon=${icons.camera}
+  fault=${watch.isFresh && placementFault(watch)}
+  steadyText=${words.placement[watch.isFresh && watch.placement ? 'steady' : 'unknown']} />`;
 
 /** That the box behind tools without tape is still being learned. @param {Props} props */
 export const LearningBox = ({ watch: { isFresh, isLearningBox } }) =>

@@ -37,7 +37,7 @@ pub use box_match::{BoxAnswer, BoxEvidence, BoxFinding, BoxMatch};
 pub use cause::QualityCause;
 pub use gate::{Concern, QualityVerdict, Severity, judge};
 pub use jumps::{JumpRows, PathJump};
-pub use moved_during::MovedDuring;
+pub use moved_during::{MovedDuring, MovementWatch};
 pub use noise_floor::{NoiseFloor, NoiseFloorBasis};
 pub use ports::{Displacement, PortAgreement, PortPlacement, Ports};
 pub use session::SessionFigures;

@@ -9,9 +9,12 @@
 //! and without a movement above the limit if the moments do not show the whole recording: hands may hide a movement,
 //! and after one beyond the search the view is unknown.
 
+use serde::{Deserialize, Serialize};
+
 use super::limits::MAX_DISPLACEMENT_MM;
 use crate::numbers::quantile::quantile;
-use crate::vision::surroundings::ViewShift;
+use crate::vision::frame::Frame;
+use crate::vision::surroundings::{ViewShift, ViewWatch};
 use crate::vision::trajectory::Sample;
 
 /// Moments of a median.
@@ -25,7 +28,7 @@ const MAX_UNKNOWN_S: f64 = 10.0;
 const MAX_UNKNOWN_SHARE: f64 = 1.0 / 3.0;
 
 /// How far the camera moved during the recording.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MovedDuring {
     /// Largest lasting displacement of the picture since the recording's beginning, mm at the median depth of the tips.
     pub mm: f64,
@@ -42,10 +45,7 @@ impl MovedDuring {
         let depth_mm = quantile(observed.map(|sample| sample.tip_mm.z).collect(), 0.5)?;
         let lasting: Vec<ViewShift> = shifts.windows(MOMENTS).filter_map(median).collect();
         let first = lasting.first()?.parts;
-        let moved = |shift: &ViewShift| {
-            let parts = shift.parts.iter().zip(first).map(|(part, first)| (part - first).powi(2));
-            parts.sum::<f64>().sqrt()
-        };
+        let moved = |shift: &ViewShift| distance(&shift.parts, &first);
         let farthest = lasting.iter().map(moved).fold(0.0, f64::max);
         let at_s = lasting.iter().find(|shift| moved(shift) >= 0.5 * farthest)?.time_s;
         let found = Self { mm: depth_mm * farthest, at_s };
@@ -56,6 +56,66 @@ impl MovedDuring {
     pub fn is_movement(&self) -> bool {
         self.mm > MAX_DISPLACEMENT_MM
     }
+}
+
+/// Watches for a movement of the camera while a recording arrives, with the definition of the finished session. Only a
+/// movement is stated: the moments so far do not show the whole recording. The depth is the median of one frame a second.
+#[derive(Clone, Debug)]
+pub struct MovementWatch {
+    view: ViewWatch,
+    depths_mm: Vec<f64>,
+    /// The first lasting view.
+    first: Option<[f64; 4]>,
+    /// For each lasting view: its time, s, and how far it is from the first one, as the tangent of an angle.
+    moved: Vec<(f64, f64)>,
+    farthest: f64,
+}
+
+/// Displacements below this tangent are no movement at any depth of a box trainer, which ends before 1 m.
+const MIN_TANGENT: f64 = MAX_DISPLACEMENT_MM / 1000.0;
+
+impl MovementWatch {
+    /// A watch for frames of a camera with this focal length, pixels.
+    pub fn new(focal_px: f64) -> Self {
+        let view = ViewWatch::new(focal_px);
+        Self { view, depths_mm: Vec::new(), first: None, moved: Vec::new(), farthest: 0.0 }
+    }
+
+    /// Looks at a frame, if a second has passed since the last one.
+    pub fn sample_frame(&mut self, frame: &Frame<'_>) {
+        self.view.sample_frame(frame);
+        self.add_shifts();
+    }
+
+    /// Adds the depth of a tool's tip, mm. Call it about once a second for each tool that is measured.
+    pub fn add_depth(&mut self, depth_mm: f64) {
+        self.depths_mm.push(depth_mm);
+    }
+
+    /// The movement so far; `None` if there was none, or if no depth is known yet.
+    pub fn movement(&self) -> Option<MovedDuring> {
+        if self.farthest < MIN_TANGENT {
+            return None;
+        }
+        let depth_mm = quantile(self.depths_mm.clone(), 0.5)?;
+        let at_s = self.moved.iter().find(|(_, moved)| *moved >= 0.5 * self.farthest)?.0;
+        Some(MovedDuring { mm: depth_mm * self.farthest, at_s }).filter(MovedDuring::is_movement)
+    }
+
+    fn add_shifts(&mut self) {
+        let known = self.moved.len();
+        for moments in self.view.shifts().windows(MOMENTS).skip(known) {
+            let Some(shift) = median(moments) else { return };
+            let moved = distance(&shift.parts, self.first.get_or_insert(shift.parts));
+            self.farthest = self.farthest.max(moved);
+            self.moved.push((shift.time_s, moved));
+        }
+    }
+}
+
+/// How far a displacement is from another one.
+fn distance(parts: &[f64; 4], other: &[f64; 4]) -> f64 {
+    parts.iter().zip(other).map(|(part, other)| (part - other).powi(2)).sum::<f64>().sqrt()
 }
 
 /// Is the view known all the time, except for short times?
@@ -128,6 +188,35 @@ mod tests {
             (0..9).map(|second| at(second, if second < 4 { [0.0; 4] } else { [0.03, 0.0, -0.04, 0.0] })).collect();
         let found = MovedDuring::of(&shifts, &path(), &[]).unwrap();
         assert!((found.mm - 10.0).abs() < 1e-9 && found.at_s == 4.0, "{found:?}");
+    }
+
+    /// What the watch says once a second while the same moments arrive, with a tool at 200 mm.
+    fn moved_live(angles: &[f64]) -> Vec<Option<MovedDuring>> {
+        let mut watch = MovementWatch::new(1.0);
+        let mut said = Vec::new();
+        for (second, angle) in angles.iter().enumerate() {
+            watch.view.push_shift(ViewShift { time_s: 10.0 + second as f64, parts: [*angle, 0.0, 0.0, 0.0] });
+            watch.add_shifts();
+            watch.add_depth(200.0);
+            said.push(watch.movement());
+        }
+        said
+    }
+
+    #[test]
+    fn while_the_recording_arrives_a_movement_is_the_one_of_the_finished_session() {
+        for angles in [
+            &[0.0, 0.0, 0.0, 0.06, 0.06, 0.06, 0.06][..],
+            &[0.0, 0.0, 0.0, 0.06, 0.06, 0.06, 0.0, 0.0, 0.0],
+            &[0.0, 0.0, 0.0, 0.06, -0.04, 0.0, 0.0, 0.0, 0.06, 0.06],
+            &[0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.06, 0.06],
+            &[0.0; 20],
+        ] {
+            let finished = moved(angles).filter(MovedDuring::is_movement);
+            assert_eq!(*moved_live(angles).last().unwrap(), finished, "{angles:?}");
+        }
+        let said = moved_live(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.06, 0.06, 0.06, 0.06]);
+        assert_eq!(said.iter().position(Option::is_some), Some(7), "it has lasted for two seconds");
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::motion::features::FeatureValue;
 use crate::motion::features::running::LIVE_FEATURES;
 use crate::motion::quality::ports::Ports;
 use crate::motion::quality::ports::watch::ConfirmedPlacement;
-use crate::motion::quality::{Concern, Figures, QualityCause, Severity, judge};
+use crate::motion::quality::{Concern, Figures, MovedDuring, QualityCause, Severity, judge};
 use crate::vision::reason::MissReason;
 use crate::vision::tracker::{Absence, LightSample, ToolReport, TrackerSettings};
 use crate::vision::trajectory::Sample;
@@ -97,6 +97,8 @@ pub struct FollowReply {
     pub light: Option<LightSample>,
     /// Lasting shifts of camera and trocars, once a trocar is known. Sent with the features.
     pub placement: Option<ConfirmedPlacement>,
+    /// The movement of the camera during this recording, if there was one. Sent with the features.
+    pub moved_during: Option<MovedDuring>,
     /// How well each tool was seen so far. Sent with the features.
     pub seen: Option<Vec<SeenSoFar>>,
     /// True while the box behind tools without tape is still being learned. Sent with the features.

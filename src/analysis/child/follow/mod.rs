@@ -25,9 +25,9 @@ use crate::domain::feed::record::{FeedRecord, MAX_RECORD_BYTES, RecordBody};
 use crate::media::{FeedDecoder, JpegMaker, JpegStyle, MediaLimits, Picture};
 use crate::motion::features::FeatureSettings;
 use crate::motion::features::running::RunningFeatures;
-use crate::motion::quality::Ports;
 use crate::motion::quality::ports::watch::{self, PlacementWatch};
 use crate::motion::quality::running::RunningFigures;
+use crate::motion::quality::{MovementWatch, Ports};
 use crate::vision::frame::Frame;
 use crate::vision::pose::fulcrum::Fulcrum;
 use crate::vision::tracker::{MAX_WARM_UP_FRAMES, SceneSamples, ToolSpec, Tracker, TrackerSettings};
@@ -75,6 +75,7 @@ struct LiveTracker {
     stage: FollowStage,
     ports: Ports,
     placement: PlacementWatch,
+    movement: MovementWatch,
     /// Last reliable position of each tool's trocar.
     fulcrums: Vec<Option<Fulcrum>>,
     size: (u32, u32),
@@ -121,6 +122,7 @@ impl LiveTracker {
             running: RunningFeatures::new(track.tools.len(), FeatureSettings::default()),
             figures: RunningFigures::new(track.tools.iter().map(ToolSpec::is_bare)),
             placement: PlacementWatch::new(track.tools.len()),
+            movement: MovementWatch::new(track.camera.fx),
             names: track.tools.iter().map(|tool| tool.name.clone()).collect(),
             fulcrums: vec![None; track.tools.len()],
             stage: FollowStage::Collecting { settings: Box::new(track), first: Vec::new(), empty_box },
@@ -201,6 +203,7 @@ impl LiveTracker {
             tracker.know_feed_box(learned);
         }
         let report = tracker.observe(&frame);
+        self.movement.sample_frame(&frame);
         report
             .tools
             .iter()
@@ -217,6 +220,8 @@ impl LiveTracker {
         }
         if frame.time_s >= self.features_at_s {
             self.features_at_s = frame.time_s + FEATURES_INTERVAL_S;
+            let seen = report.tools.iter().filter_map(|tool| tool.filtered).filter(|sample| sample.is_observed());
+            seen.for_each(|sample| self.movement.add_depth(sample.tip_mm.z));
             self.add_features(frame.time_s);
         }
         Ok(())
@@ -235,6 +240,7 @@ impl LiveTracker {
             self.reply.seen = Some(SeenSoFar::of_tools(&figures));
         }
         self.last_features_s = time_s;
+        self.reply.moved_during = self.movement.movement();
         let fulcrums: Vec<_> = self.fulcrums.iter().map(|fulcrum| fulcrum.map(watch::with_early_error)).collect();
         self.reply.placement = self.placement.update(time_s, &self.ports.compare(&fulcrums));
     }

@@ -7,8 +7,8 @@ use crate::analysis::child::track::is_plausible_light;
 use crate::domain::feed::MAX_FRAMES;
 use crate::media::MediaLimits;
 use crate::motion::features::running::LIVE_FEATURES;
-use crate::motion::quality::QualityCause;
 use crate::motion::quality::ports::watch::ConfirmedPlacement;
+use crate::motion::quality::{MovedDuring, QualityCause};
 use crate::vision::tracker::ToolSpec;
 
 /// Most frames in one reply about a feed: those that a decoder held back, or those of the warm-up.
@@ -50,6 +50,7 @@ pub(super) fn accept(
         && followed.seen.iter().all(|seen| are_plausible_shares(seen, tools))
         && (!followed.is_learning_box || work.track.tools.iter().any(ToolSpec::is_bare))
         && followed.placement.iter().all(|placement| is_plausible_placement(placement, tools))
+        && followed.moved_during.is_none_or(|moved| is_plausible_movement(&moved, limits))
         && followed.picture.as_ref().is_none_or(|(_, jpeg)| is_small_jpeg(jpeg));
     if consistent { Ok(ChildEvent::Followed(followed)) } else { Err("an invalid reply about a feed".into()) }
 }
@@ -64,6 +65,10 @@ fn are_plausible_shares(seen: &[SeenSoFar], tools: usize) -> bool {
 fn is_plausible_placement(placement: &ConfirmedPlacement, tools: usize) -> bool {
     let shifts = placement.ports.iter().chain([&placement.camera]).flatten();
     placement.ports.len() == tools && shifts.flat_map(|shift| [shift.mm, shift.sigma_mm]).all(is_plausible_number)
+}
+
+fn is_plausible_movement(moved: &MovedDuring, limits: MediaLimits) -> bool {
+    is_plausible_number(moved.mm) && moved.mm >= 0.0 && (0.0..=limits.duration_s).contains(&moved.at_s)
 }
 
 /// True if the tool's rows belong to this frame.
@@ -112,6 +117,18 @@ mod tests {
         let mut toolless = reply(4, 0.1);
         toolless.frames[0].tools.clear();
         assert!(validate(vec![toolless]).is_err());
+    }
+
+    #[test]
+    fn a_movement_of_the_camera_is_a_distance_at_a_moment_of_the_recording() {
+        let sends = |mm: f64, at_s: f64| {
+            let moved_during = Some(MovedDuring { mm, at_s });
+            validate(vec![FollowReply { moved_during, ..reply(4, 0.1) }])
+        };
+        assert!(sends(7.0, 3.0).is_ok());
+        for (mm, at_s) in [(-1.0, 3.0), (f64::NAN, 3.0), (7.0, -0.1), (7.0, f64::INFINITY), (1e300, 3.0)] {
+            assert!(sends(mm, at_s).is_err(), "{mm} mm at {at_s} s");
+        }
     }
 
     #[test]

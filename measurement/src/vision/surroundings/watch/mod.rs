@@ -131,6 +131,17 @@ impl ViewWatch {
         }
     }
 
+    /// The samples so far, in time order.
+    pub fn shifts(&self) -> &[ViewShift] {
+        &self.shifts
+    }
+
+    /// Adds a sample without a picture.
+    #[cfg(test)]
+    pub fn push_shift(&mut self, shift: ViewShift) {
+        self.shifts.push(shift);
+    }
+
     /// The samples, in time order.
     pub fn into_shifts(self) -> Vec<ViewShift> {
         self.shifts
