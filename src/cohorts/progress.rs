@@ -100,7 +100,7 @@ impl Cohorts {
         let (id, handedness) = (trainee.id, trainee.handedness);
         let calculation = move || {
             let context = TraineeContext { trainee: id, handedness, among: among.as_deref() };
-            progress_answer(&practice, keys, &standards, &context, &known, now_ms)
+            progress_answer(&practice, (&shown, keys), &standards, &context, &known, now_ms)
         };
         let course = self.calculate(calculation).await?;
         Ok(TraineeProgress { trainee, task: Some(task), standard, cohort, answer: course })
@@ -184,6 +184,13 @@ impl FeatureSelection {
         FEATURES.iter().copied().filter(|feature| wanted.contains(feature)).collect()
     }
 
+    /// True if the series of this feature has the session. Where a feature is shown for every tool, a session whose hands are
+    /// known is in the series of the hands: that of a tool has only those whose hand is unknown.
+    fn shows(&self, of: &FeatureKey, session: &NumberedSession<'_>) -> bool {
+        let Some(tool) = of.tool.as_ref().filter(|_| self.of_all_tools.is_some()) else { return true };
+        session.session.result.as_ref().is_none_or(|result| result.hands.side_of(tool).is_none())
+    }
+
     /// The feature to show if none of the sessions has a value for it.
     pub(super) fn default_key(&self) -> FeatureKey {
         let (feature, space) = self.of_all_tools.unwrap_or((DEFAULT_FEATURE, FeatureSpace::Space3d));
@@ -235,14 +242,18 @@ impl ProgressSelection {
 /// The progress over these sessions.
 fn progress_answer(
     practice: &Practice,
-    keys: Vec<FeatureKey>,
+    (shown, keys): (&FeatureSelection, Vec<FeatureKey>),
     standards: &TaskStandards,
     context: &TraineeContext<'_>,
     known: &ComputedCache,
     now_ms: i64,
 ) -> ProgressAnswer {
     let (sessions, course) = judge_sessions(practice, standards, context.handedness, now_ms);
-    let of = |key: &FeatureKey| feature_series(key, &sessions, standards, context, known);
+    let of = |key: &FeatureKey| {
+        let sessions: Vec<NumberedSession<'_>> =
+            sessions.iter().filter(|session| shown.shows(key, session)).copied().collect();
+        feature_series(key, &sessions, standards, context, known)
+    };
     ProgressAnswer { features: keys.iter().map(of).collect(), ..course }
 }
 

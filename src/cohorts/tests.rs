@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::answer::{PassedBy, ProgressAnswer, RuleStanding, SetAside, StandingName, TrialName};
+use super::answer::{FeatureSeries, PassedBy, ProgressAnswer, RuleStanding, SetAside, StandingName, TrialName};
 use super::{Cohorts, ProgressSelection};
 use crate::domain::edit::EditChange;
 use crate::domain::hand::Hand;
@@ -303,4 +303,39 @@ async fn a_limit_for_a_hand_holds_in_every_box_and_is_not_judged_where_the_hand_
     let points: Vec<_> = answer.features[0].points.iter().map(|point| point.value).collect();
     assert_eq!(points, [50.0, 50.0, 150.0, 150.0].map(Some), "only sessions whose hand is known");
     assert_eq!(answer.features[0].of.in_hand, Some(Hand::Left));
+
+    // Without a hand or tool in the request, each session is in one series of a tool.
+    let series = async |tool: Option<&str>| {
+        let (task, feature) = (Some(Key::from("peg-transfer")), Some("path_length".to_owned()));
+        let asked = ProgressSelection { task, feature, tool: tool.map(str::to_owned), ..ProgressSelection::default() };
+        cohorts.progress(&Scope::service(), &Key::from("ana"), asked).await.unwrap().answer.features
+    };
+    let all = series(None).await;
+    let values = |is_meant: &dyn Fn(&FeatureSeries) -> bool| -> Vec<f64> {
+        let found = all.iter().find(|of| is_meant(of)).unwrap();
+        found.points.iter().filter_map(|point| point.value).collect()
+    };
+    assert_eq!(values(&|of| of.of.in_hand == Some(Hand::Left)), [50.0, 50.0, 150.0, 150.0]);
+    assert_eq!(values(&|of| of.of.tool.as_deref() == Some("orange")), [50.0; 3], "only sessions whose hand is unknown");
+    let orange = series(Some("orange")).await;
+    assert_eq!(orange[0].points.len(), 6, "a tool that is asked for has all its sessions");
+}
+
+#[tokio::test]
+async fn after_a_new_version_a_relapse_needs_proficiency_under_it() {
+    let (centre, cohorts) = with_standard(serde_json::Value::Null).await;
+    let ana = centre.trainee("Ana").await.id;
+    for day in 0..17 {
+        centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(40.0, 1.0)]).await;
+    }
+    centre.clock.advance(std::time::Duration::from_secs(60));
+    set_limit(&centre, &cohorts, 50.0, None).await;
+    centre.clock.advance(std::time::Duration::from_secs(60));
+    for day in 17..25 {
+        centre.practised(ana, NOW_MS + day * DAY_MS, vec![duration(60.0, 1.0)]).await;
+    }
+    let after = progress(&cohorts).await;
+    let charts = after.charts.unwrap();
+    assert_eq!((charts.standing, charts.judged), (StandingName::NotYet, 8), "its charts begin with its own sessions");
+    assert_eq!(after.passed.map(|passed| passed.standard), Some(1), "what was earned stays");
 }
