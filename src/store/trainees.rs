@@ -224,12 +224,12 @@ pub(super) async fn erase(
 ) -> StoreResult<()> {
     give_back_trainee(tx, id, now_ms).await?;
     let records: Vec<TraineeId> = trainees_merged_into(tx, id).await?.into_iter().chain([id]).collect();
+    let mut sessions: Vec<SessionId> = Vec::new();
     for record in &records {
-        let sessions = sqlx::query_scalar(SELECT_SESSIONS_OF_TRAINEE).bind(record).fetch_all(&mut *tx).await?;
-        for session in sessions {
-            erase_twins(tx, scope, session, now_ms).await?; // of records that are merged into those of others
-        }
+        let of_record = sqlx::query_scalar(SELECT_SESSIONS_OF_TRAINEE).bind(record).fetch_all(&mut *tx).await?;
+        sessions.extend::<Vec<SessionId>>(of_record);
     }
+    erase_twins(tx, scope, &sessions, now_ms).await?; // of records that are merged into those of others
     for record in records {
         erase_record(tx, scope, now_ms, record).await?;
     }

@@ -1,6 +1,7 @@
 //! Creates, retries and erases sessions.
 
 use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
 
 use super::super::audit::note;
 use super::super::columns::Insert;
@@ -20,22 +21,40 @@ use crate::ids::{BoxId, JobId, PersonId, ResultId, SessionId, TaskId, TraineeId}
 
 pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id = $1";
 
-/// The same recording of records that are merged into that of the trainee, or of an earlier trainee of the session: hidden, and erased with the session. They were filed like this session when their record was merged.
+/// The same recording of records that are merged into that of the trainee, or of an earlier trainee of the session: hidden,
+/// and erased with the session. They were filed like this session when their record was merged. Of a recording that was cut,
+/// they stay while another part has them, too, unless that part is one of `$2`, which are erased together.
 const SELECT_TWINS: &str = "
-    WITH place (trainee_id, task_id, box_id) AS
-        (SELECT trainee_id, task_id, box_id FROM session WHERE id = $1
-         UNION SELECT from_trainee_id, from_task_id, from_box_id FROM session_move WHERE session_id = $1),
-    holder (trainee_id) AS
-        (SELECT coalesce(merged.kept_id, place.trainee_id) FROM place
+    WITH part (id, whole_id) AS
+        (SELECT session.id, coalesce(erased.cut_of, erased.id) FROM session AS erased
+         JOIN session ON session.id = coalesce(erased.cut_of, erased.id)
+              OR session.cut_of = coalesce(erased.cut_of, erased.id)
+         WHERE erased.id = $1),
+    place (part_id, trainee_id, task_id, box_id) AS
+        (SELECT id, trainee_id, task_id, box_id FROM session WHERE id IN (SELECT id FROM part)
+         UNION SELECT session_id, from_trainee_id, from_task_id, from_box_id FROM session_move
+         WHERE session_id IN (SELECT id FROM part)),
+    holder (part_id, trainee_id) AS
+        (SELECT part_id, coalesce(merged.kept_id, place.trainee_id) FROM place
          LEFT JOIN merged_trainee AS merged ON merged.trainee_id = place.trainee_id),
-    used_box (box_id) AS
-        (SELECT coalesce(merged.kept_id, place.box_id) FROM place LEFT JOIN merged_box AS merged ON merged.box_id = place.box_id
-         UNION SELECT box_id FROM place)
-    SELECT twin.id FROM session AS erased
-    JOIN merged_trainee AS merged ON merged.kept_id IN (SELECT trainee_id FROM holder)
-    JOIN session AS twin ON twin.trainee_id = merged.trainee_id AND twin.task_id IN (SELECT task_id FROM place)
-         AND (twin.video = erased.video AND twin.box_id IN (SELECT box_id FROM used_box) OR twin.path_hash = erased.path_hash)
-    WHERE erased.id = $1";
+    used_box (part_id, box_id) AS
+        (SELECT part_id, coalesce(merged.kept_id, place.box_id) FROM place
+         LEFT JOIN merged_box AS merged ON merged.box_id = place.box_id
+         UNION SELECT part_id, box_id FROM place),
+    hidden (part_id, id) AS
+        (SELECT part.id, twin.id FROM part JOIN session AS own ON own.id = part.id
+         JOIN merged_trainee AS merged
+              ON merged.kept_id IN (SELECT trainee_id FROM holder WHERE holder.part_id = part.id)
+         JOIN session AS twin ON twin.trainee_id = merged.trainee_id
+              AND coalesce(twin.cut_of, twin.id) <> part.whole_id
+              AND twin.task_id IN (SELECT task_id FROM place WHERE place.part_id = part.id)
+              AND (twin.video = own.video
+                       AND twin.box_id IN (SELECT box_id FROM used_box WHERE used_box.part_id = part.id)
+                   OR twin.path_hash = own.path_hash))
+    SELECT DISTINCT id FROM hidden AS twin
+    WHERE part_id = $1
+      AND NOT EXISTS (SELECT 1 FROM hidden AS other WHERE other.id = twin.id
+                      AND other.part_id NOT IN (SELECT value FROM json_each($2)))";
 
 const DELETE_ARRIVING_SESSION: &str = "DELETE FROM session WHERE id = $1 AND video IS NULL";
 
@@ -178,7 +197,7 @@ impl SessionStore<'_> {
                     // A repeated erasure names each twin itself: in the restored backup, records may be merged that were
                     // separated before the erasure.
                     if !scope.is_service() {
-                        erase_twins(tx, &scope, id, now_ms).await?;
+                        erase_twins(tx, &scope, &[id], now_ms).await?;
                     }
                     certificates::mark(tx, &scope, &[id], CertificateEventKind::SessionErased, now_ms).await?;
                     let delete = if is_arriving { DELETE_ARRIVING_SESSION } else { DELETE_SESSION };
@@ -193,17 +212,21 @@ impl SessionStore<'_> {
     }
 }
 
-/// Erases the hidden sessions with the same recording. Call it before the session is erased.
+/// Erases the hidden sessions with the same recordings as these sessions, which are erased together. Call it before they are
+/// erased.
 pub(in crate::store) async fn erase_twins(
     tx: &mut SqliteConnection,
     scope: &Scope,
-    id: SessionId,
+    erased: &[SessionId],
     now_ms: i64,
 ) -> StoreResult<()> {
-    let twins: Vec<SessionId> = sqlx::query_scalar(SELECT_TWINS).bind(id).fetch_all(&mut *tx).await?;
-    certificates::mark(tx, scope, &twins, CertificateEventKind::SessionErased, now_ms).await?;
-    for twin in twins {
-        sqlx::query(DELETE_SESSION).bind(twin).execute(&mut *tx).await?;
+    for id in erased {
+        let select = sqlx::query_scalar(SELECT_TWINS).bind(id).bind(Json(erased));
+        let twins: Vec<SessionId> = select.fetch_all(&mut *tx).await?;
+        certificates::mark(tx, scope, &twins, CertificateEventKind::SessionErased, now_ms).await?;
+        for twin in twins {
+            sqlx::query(DELETE_SESSION).bind(twin).execute(&mut *tx).await?;
+        }
     }
     Ok(())
 }

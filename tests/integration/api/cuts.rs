@@ -152,6 +152,41 @@ async fn each_part_goes_its_own_way_and_is_not_joined_then() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_hidden_copy_of_a_cut_recording_is_erased_with_its_last_part() {
+    let (centre, at) = open().await;
+    let by = &centre.administrator;
+    by.make("/api/v1/trainees", json!({"name": "Cleo", "code": "cleo"})).await;
+    for scale in [1.0, 1.5] {
+        read(import(by, "bob", scale).await, StatusCode::CREATED).await;
+    }
+    let merge = async || {
+        let made = by.make("/api/v1/trainees/ada/merges", json!({"trainee": "bob", "why": "One person."})).await;
+        format!("/api/v1/trainees/ada/merges/{}/separate", made["id"].as_str().unwrap())
+    };
+    let recordings_of_bob = async |separate: &str| {
+        read(by.post(separate, json!({"why": "Two people."})).await, StatusCode::OK).await;
+        by.read("/api/v1/session-count?trainee=bob").await["matching"].clone()
+    };
+    let merged = merge().await;
+    let second = address(&cut(by, &at, 12.0).await["second"]);
+    wait(by, [&at, &second]).await;
+    assert_eq!(by.delete(&second).await.status(), StatusCode::NO_CONTENT);
+    assert_eq!(recordings_of_bob(&merged).await, 2, "Ada still has the first part");
+
+    // Cleo has both parts and is erased: they are erased together.
+    let merged = merge().await;
+    let second = address(&cut(by, &at, 6.0).await["second"]);
+    wait(by, [&at, &second]).await;
+    for part in [&at, &second] {
+        by.make(&format!("{part}/moves"), json!({"trainee": "cleo", "why": "It was Cleo."})).await;
+    }
+    assert_eq!(by.delete("/api/v1/trainees/cleo").await.status(), StatusCode::NO_CONTENT);
+    assert_eq!(recordings_of_bob(&merged).await, 1, "the other recording of Bob");
+    let check = program().args(["admin", "check", "--data"]).arg(centre.service.data.path()).output().unwrap();
+    assert!(check.status.success(), "{}", String::from_utf8_lossy(&check.stdout));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn impossible_cuts_are_refused_with_the_field() {
     let (centre, at) = open().await;
     let cuts = format!("{at}/cuts");
