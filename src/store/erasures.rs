@@ -76,23 +76,19 @@ impl ErasureStore<'_> {
         }
     }
 
-    /// Lets trainees wait again until the erasures are due that were requested for them, after all else was repeated. Exactly
-    /// the records wait that are named: a record that is merged into another one here waits with that one if both are due at
-    /// the same time, since they were merged when the erasure was requested. Otherwise the two are separated.
-    pub async fn wait_again(&self, requested: &[Erasure]) -> StoreResult<()> {
-        let due: Vec<(TraineeId, i64)> =
-            requested.iter().map(|one| Ok((parse(&one.id)?, one.at_ms))).collect::<StoreResult<_>>()?;
-        for (id, due_at_ms) in &due {
-            match self.0.trainees().get(&Scope::service(), &Key::from(id)).await {
-                Ok(_) => {
-                    let with = due.iter().filter(|one| one.1 == *due_at_ms).map(|one| one.0).collect();
-                    self.0.pending_erasures().insert_again(*id, *due_at_ms, with).await?;
-                }
-                Err(StoreError::NotFound { .. }) => {}
-                Err(error) => return Err(error),
+    /// Lets a trainee wait again until the erasure is due that was requested for them, after all else was repeated. Exactly
+    /// the records wait that are named in `all` requests: a record that is merged into another one here waits with that one if
+    /// both are due at the same time, since they were merged when the erasure was requested. Otherwise the two are separated.
+    pub async fn wait_again(&self, requested: &Erasure, all: &[Erasure]) -> StoreResult<()> {
+        let (id, due_at_ms): (TraineeId, i64) = (parse(&requested.id)?, requested.at_ms);
+        match self.0.trainees().get(&Scope::service(), &Key::from(&id)).await {
+            Ok(_) => {
+                let with = all.iter().filter(|one| one.at_ms == due_at_ms).filter_map(|one| parse(&one.id).ok());
+                self.0.pending_erasures().insert_again(id, due_at_ms, with.collect()).await
             }
+            Err(StoreError::NotFound { .. }) => Ok(()),
+            Err(error) => Err(error),
         }
-        Ok(())
     }
 }
 

@@ -182,8 +182,13 @@ async fn erase_again(store: &Store, erasures: &[Erasure], restored: &mut Restore
             Err(error) => return Err(error.into()),
         }
     }
-    store.erasures().wait_again(&requested).await?;
-    repeated.extend(requested);
+    for erasure in &requested {
+        match store.erasures().wait_again(erasure, &requested).await {
+            Ok(()) => repeated.push(erasure.clone()),
+            Err(StoreError::Refused { why }) => restored.kept.push(format!("{} {}: {why}", erasure.kind, erasure.id)),
+            Err(error) => return Err(error.into()),
+        }
+    }
     let recorded: Vec<Erasure> = erasures_after(store, 0).await?.into_iter().map(|(_, erasure)| erasure).collect();
     let unknown = lacking(&repeated, recorded.iter()).collect();
     Ok(store.erasures().add(unknown).await?)

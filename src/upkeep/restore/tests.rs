@@ -258,6 +258,25 @@ async fn people_whose_erasure_was_requested_after_a_backup_wait_for_it_again() {
 }
 
 #[tokio::test]
+async fn a_request_that_cannot_be_repeated_is_named_and_the_others_are_repeated() {
+    let bench = UpkeepFixture::new().await;
+    let ana = bench.centre.trainee("Ana").await.id;
+    let backups = Backups { target: tempfile::tempdir().unwrap(), bench };
+    let backup = backups.back_up("monday").await;
+    let (store, week) = (&backups.bench.centre.store, Duration::from_secs(7 * 86_400));
+    store.pending_erasures().request(&Scope::service(), &Key::from(&ana), week).await.unwrap();
+    backups.list_erasures().await;
+    let damaged = format!("pending ana 2026-11-21T20:14:00Z\n{}", backups.list());
+    fs::write(backups.target.path().join(ERASURE_LIST), damaged).unwrap();
+    let (folder, restored) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
+    assert_eq!(restored.kept, ["pending ana: `ana` in the list of erasures is not an id"]);
+    let clock = backups.bench.centre.clock.clone();
+    let again = Store::open(&folder.join(DATABASE), &StoreSettings::default(), clock).await.unwrap();
+    let waiting = again.pending_erasures().list(&Scope::service()).await.unwrap();
+    assert_eq!(waiting.into_iter().map(|one| one.trainee_id).collect::<Vec<_>>(), [ana]);
+}
+
+#[tokio::test]
 async fn a_backup_whose_database_is_empty_is_refused() {
     let (backups, backup) = Backups::with_an_erasure_after_the_backup().await;
     fs::write(backup.join(DATABASE), b"").unwrap();
