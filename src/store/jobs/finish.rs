@@ -41,7 +41,8 @@ impl JobStore<'_> {
     ///
     /// Nothing is stored if the times were corrected meanwhile, since that edit has queued its own job. If the result has
     /// other times than the one before, edits, comments and marks of errors follow it. If another version of the box's
-    /// camera or colours is valid for the recording by now, the session is tracked again with it.
+    /// camera or colours is valid for the recording by now, the session is tracked again with it, which applies its edits,
+    /// too.
     pub async fn finish_track(&self, held: &Lease, result: NewResult) -> StoreResult<()> {
         let session = held.job.session_id.ok_or_else(|| wrong_kind("a session"))?;
         let (time_revision, setup) = match &held.job.input {
@@ -66,8 +67,8 @@ impl JobStore<'_> {
                     scale_marks(tx, session, ratio).await?;
                 }
                 settle_box_question(tx, session).await?;
-                if setup.is_some() && setup != setup_in_force(tx, session).await? {
-                    enqueue_track(tx, session, now_ms, attempts).await?;
+                let is_outdated = setup.is_some() && setup != setup_in_force(tx, session).await?;
+                if is_outdated && enqueue_track(tx, session, now_ms, attempts).await?.is_some() {
                     return Ok(());
                 }
                 enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;

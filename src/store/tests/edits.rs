@@ -134,6 +134,33 @@ async fn a_recording_that_is_tracked_again_keeps_its_edits_and_those_made_meanwh
     assert_eq!((score_state(&centre, session).await, centre.claim().await), (ScoreState::Current, None));
 }
 
+#[tokio::test]
+async fn a_path_that_cannot_be_tracked_again_is_scored_with_the_edits_made_meanwhile() {
+    let (centre, _, session) = practised().await;
+    add(&centre, session, TRIM).await.unwrap();
+    score(&centre, &centre.claim().await.unwrap(), 3.0, 1).await;
+    centre.calibrate().await;
+    centre.clock.advance(Duration::from_millis(1));
+    centre.store.sessions().retry(&Scope::service(), session).await.unwrap();
+    let lease = centre.claim().await.unwrap();
+    // The camera is calibrated once more and the video is deleted, so the recording cannot be tracked with that camera.
+    centre.clock.advance(Duration::from_millis(1));
+    centre.calibrate().await;
+    let drop_video = "UPDATE blob SET dropped_at_ms = 1 WHERE hash = (SELECT video FROM session WHERE id = $1)";
+    centre
+        .store
+        .write(async move |tx| {
+            sqlx::query(drop_video).bind(session).execute(tx).await?;
+            Ok(())
+        })
+        .await
+        .unwrap();
+    centre.store.jobs().finish_track(&lease, centre.result(session).await).await.unwrap();
+    assert_eq!(score_state(&centre, session).await, ScoreState::Waiting);
+    score(&centre, &centre.claim().await.unwrap(), 3.0, 1).await;
+    assert_eq!(score_state(&centre, session).await, ScoreState::Current);
+}
+
 const RETIME: EditChange = EditChange::Retime(TimeCorrection::FrameRate(60.0));
 
 /// Finishes the tracking with this factor between stamps and times, and with this revision of the edits.
