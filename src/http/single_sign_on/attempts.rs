@@ -4,18 +4,19 @@
 //! to the browser that began it, and is used once.
 //!
 //! **Limits.** Beginning is never refused: all of a hospital may share one address, and a sign-in that begins proves
-//! nothing. At the limit of a browser, its oldest sign-in is forgotten. At the limit in all, the oldest one of the network
-//! with the most is, so that one network which begins thousands takes no place from the others. Rejected: a limit for each
-//! network, which locks people out by the ordinary use of their colleagues. Wrong answers are limited elsewhere
-//! ([`crate::http::auth::throttle`]).
+//! nothing. At the limit of a browser, its oldest sign-in is forgotten. At the limit in all, the oldest one of the site with
+//! the most is, so that one site which begins thousands takes no place from the others. A site is an address of IPv4, or a
+//! /48 of IPv6: providers assign that much to one customer, who could else begin from 65,536 networks of one sign-in each.
+//! If no site has more than [`ORDINARY_OF_SITE`], the oldest of all is forgotten: a hospital behind one address is not taken
+//! for the attacker when the attack comes from many sites. Rejected: a limit for each site, which locks people out by the
+//! ordinary use of their colleagues. Wrong answers are limited elsewhere ([`crate::http::auth::throttle`]).
 
 use std::collections::HashMap;
-use std::net::IpAddr;
+use std::net::{IpAddr, Ipv6Addr};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use crate::domain::secret::SecretHash;
-use crate::http::auth::throttle::network_of;
 use crate::identity_provider::ExpectedAnswer;
 use crate::ids::PersonId;
 use crate::time::{SharedClock, millis};
@@ -26,6 +27,8 @@ pub const ATTEMPT_LIFETIME: Duration = Duration::from_secs(10 * 60);
 const MAX_OF_BROWSER: usize = 20;
 /// Most in all: a hospital of thousands begins within [`ATTEMPT_LIFETIME`]. Each takes less than 1 KiB.
 const MAX_ATTEMPTS: usize = 5_000;
+/// Most of one site that are taken for ordinary use: one that begins every six seconds within [`ATTEMPT_LIFETIME`].
+const ORDINARY_OF_SITE: usize = 100;
 
 /// A sign-in that has begun.
 pub struct ProviderAttempt {
@@ -65,7 +68,7 @@ struct Begun {
     /// 1, 2, … in the order of their beginning.
     number: u64,
     attempt: ProviderAttempt,
-    network: IpAddr,
+    site: IpAddr,
     ends_at_ms: i64,
 }
 
@@ -77,13 +80,13 @@ impl ProviderAttempts {
 
     /// Remembers a sign-in until its answer comes or it expires.
     pub fn begin(&self, state: SecretHash, attempt: ProviderAttempt, address: IpAddr) {
-        let (now_ms, network) = (self.clock.now_ms(), network_of(address));
+        let (now_ms, site) = (self.clock.now_ms(), site_of(address));
         let mut begun = self.lock();
         begun.attempts.retain(|_, one| one.ends_at_ms > now_ms);
         begun.make_room(&attempt.browser);
         begun.last += 1;
         let (number, ends_at_ms) = (begun.last, now_ms + millis(ATTEMPT_LIFETIME));
-        begun.attempts.insert(state, Begun { number, attempt, network, ends_at_ms });
+        begun.attempts.insert(state, Begun { number, attempt, site, ends_at_ms });
     }
 
     /// Takes the sign-in with this state that this browser began. `None` if there is none, or no longer.
@@ -106,10 +109,13 @@ impl BegunAttempts {
             self.forget_oldest(|one| one.attempt.browser == *browser);
         }
         while self.attempts.len() >= MAX_ATTEMPTS {
-            let mut of_networks: HashMap<IpAddr, usize> = HashMap::new();
-            self.attempts.values().for_each(|one| *of_networks.entry(one.network).or_default() += 1);
-            let Some((busiest, _)) = of_networks.into_iter().max_by_key(|(_, count)| *count) else { return };
-            self.forget_oldest(|one| one.network == busiest);
+            let mut of_sites: HashMap<IpAddr, usize> = HashMap::new();
+            self.attempts.values().for_each(|one| *of_sites.entry(one.site).or_default() += 1);
+            let busiest = of_sites.into_iter().max_by_key(|(_, count)| *count);
+            match busiest.filter(|(_, count)| *count > ORDINARY_OF_SITE) {
+                Some((busiest, _)) => self.forget_oldest(|one| one.site == busiest),
+                None => self.forget_oldest(|_| true),
+            }
         }
     }
 
@@ -117,6 +123,14 @@ impl BegunAttempts {
         let meant = self.attempts.iter().filter(|(_, one)| is_meant(one));
         let oldest = meant.min_by_key(|(_, one)| one.number).map(|(state, _)| *state);
         oldest.map(|state| self.attempts.remove(&state));
+    }
+}
+
+/// What probably belongs to one customer of a provider: an address of IPv4, or a /48 of IPv6.
+fn site_of(address: IpAddr) -> IpAddr {
+    match address.to_canonical() {
+        IpAddr::V6(v6) => IpAddr::V6(Ipv6Addr::from_bits(v6.to_bits() & (u128::MAX << 80))),
+        v4 => v4,
     }
 }
 
@@ -140,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_network_that_begins_thousands_takes_no_place_from_others() {
+    fn a_site_that_begins_thousands_takes_no_place_from_others() {
         let (attempts, own) = (attempts(), Secret::random().hash());
         let colleague = begin(&attempts, own, "10.0.0.1");
         let other = begin(&attempts, own, "10.0.0.2");
@@ -148,8 +162,39 @@ mod tests {
             begin(&attempts, Secret::random().hash(), "10.0.0.1");
         }
         assert!(attempts.take(other, own).is_some());
-        assert!(attempts.take(colleague, own).is_none(), "the oldest of the network with the most is forgotten");
+        assert!(attempts.take(colleague, own).is_none(), "the oldest of the site with the most is forgotten");
         assert!(attempts.lock().attempts.len() <= MAX_ATTEMPTS);
+    }
+
+    #[test]
+    fn the_networks_of_one_site_count_together() {
+        let (attempts, own) = (attempts(), Secret::random().hash());
+        let mut of_hospital = Vec::new();
+        for _ in 0..3 * MAX_OF_BROWSER {
+            let browser = Secret::random().hash();
+            of_hospital.push((begin(&attempts, browser, "10.0.0.1"), browser));
+        }
+        for network in 0..MAX_ATTEMPTS {
+            begin(&attempts, Secret::random().hash(), &format!("2001:db8:7:{network:x}::1"));
+        }
+        begin(&attempts, own, "2001:db8:8::1");
+        assert!(of_hospital.into_iter().all(|(state, browser)| attempts.take(state, browser).is_some()));
+    }
+
+    #[test]
+    fn without_a_busy_site_the_oldest_sign_in_is_forgotten() {
+        let (attempts, own) = (attempts(), Secret::random().hash());
+        let oldest = begin(&attempts, own, "203.0.113.1");
+        let mut of_hospital = Vec::new();
+        for _ in 0..ORDINARY_OF_SITE {
+            let browser = Secret::random().hash();
+            of_hospital.push((begin(&attempts, browser, "10.0.0.1"), browser));
+        }
+        for number in 0..MAX_ATTEMPTS - ORDINARY_OF_SITE {
+            begin(&attempts, Secret::random().hash(), &format!("2001:db8:{number:x}::1"));
+        }
+        assert!(attempts.take(oldest, own).is_none());
+        assert!(of_hospital.into_iter().all(|(state, browser)| attempts.take(state, browser).is_some()));
     }
 
     #[test]
