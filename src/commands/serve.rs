@@ -36,6 +36,7 @@ use crate::heap;
 use crate::http::auth::open_sign_ins::OpenSignIns;
 use crate::http::auth::password::PasswordHasher;
 use crate::http::auth::throttle::Throttle;
+use crate::http::base_url::local_readers;
 use crate::http::connection_slots::ConnectionSlots;
 use crate::http::data_export::MAX_EXPORTS;
 use crate::http::heavy::HeavyAnswers;
@@ -210,6 +211,17 @@ impl RunningService {
     }
 }
 
+/// Says that the address in the settings, which certificates have for ever, cannot be opened from elsewhere.
+fn warn_of_local_address(public_url: Option<&str>) {
+    let Some(readers) = public_url.and_then(local_readers) else { return };
+    let public_url = public_url.unwrap_or_default();
+    tracing::warn!(
+        public_url,
+        "http.public_url can be opened {readers}: certificates ask before they are issued with it, and single sign-on \
+         works only there"
+    );
+}
+
 /// Starts a service: recovers the data, listens, and starts the workers. `password` is for the first administrator, who
 /// is created if there is no account yet. `child` is the program for child processes: this program, except in tests.
 pub async fn start(
@@ -219,6 +231,7 @@ pub async fn start(
     child: Program,
 ) -> anyhow::Result<RunningService> {
     check_kernel(settings.analysis.require_landlock)?;
+    warn_of_local_address(settings.http.public_url.as_deref());
     let certificate = ServerCertificate::load(&settings.tls).await.context("using the certificate of [tls]")?;
     let single_sign_on = single_sign_on(&settings, clock.clone())?;
     let (vault, lock) = open_data_folder(&settings.data).await?;

@@ -4,7 +4,7 @@
 use std::net::IpAddr;
 
 use axum::http::uri::Authority;
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, Uri, header};
 
 use super::error::{HandlerResult, Refusal};
 use super::state::App;
@@ -33,28 +33,30 @@ impl App {
         format!("{scheme}://{}{}", host.as_ref().map_or("localhost", Authority::as_str), self.settings.base_path)
     }
 
-    /// The service's address for what lasts and is read elsewhere, such as a certificate: as [`App::base_url`].
+    /// The service's address for what lasts and is read elsewhere, such as a certificate: as [`App::base_url`]. Check first
+    /// whether the caller may make it.
     ///
     /// # Errors
-    /// No address is set, and that of the request can be opened only here; unless `is_local_accepted`.
+    /// The address, which is set or that of the request, can be opened only here; unless `is_local_accepted`.
     pub fn lasting_base_url(&self, headers: &HeaderMap, is_local_accepted: bool) -> HandlerResult<String> {
         let base = self.base_url(headers);
-        let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
-        let host = host.and_then(|host| host.parse::<Authority>().ok());
-        let reach = reach_of(host.as_ref().map_or("localhost", |host| host.host()));
-        if self.settings.public_url.is_some() || is_local_accepted || reach == AddressReach::Internet {
-            return Ok(base);
-        }
-        let readers = match reach {
-            AddressReach::Computer => "only on this computer",
-            AddressReach::Network | AddressReach::Internet => "only in your own network",
-        };
+        let Some(readers) = local_readers(&base).filter(|_| !is_local_accepted) else { return Ok(base) };
         let detail = format!(
             "It would have the address {base} for ever, which can be opened {readers}. An administrator can set the right \
              address with `public_url` under `[http]` in the settings (docs/operations.md, Settings). If it is to have this \
              address all the same, confirm it with `accept_local_address`."
         );
         Err(Refusal::Conflict.with(detail).member("local_address", base))
+    }
+}
+
+/// Where an address can be opened, in words; `None` if it has a name or number of the internet.
+pub fn local_readers(address: &str) -> Option<&'static str> {
+    let address: Option<Uri> = address.parse().ok();
+    match reach_of(address.as_ref().and_then(Uri::host).unwrap_or("localhost")) {
+        AddressReach::Computer => Some("only on this computer"),
+        AddressReach::Network => Some("only in your own network"),
+        AddressReach::Internet => None,
     }
 }
 
@@ -105,6 +107,18 @@ mod tests {
         }
         for host in ["skills.example", "203.0.113.9", "172.32.0.1", "[2001:db8::1]", "skills.hospital.example."] {
             assert_eq!(reach_of(host), AddressReach::Internet, "{host}");
+        }
+    }
+    #[test]
+    fn an_address_that_can_be_opened_only_here_is_recognised() {
+        for (address, readers) in [
+            ("https://skills.example/trocar", None),
+            ("http://localhost:8080", Some("only on this computer")),
+            ("http://[::1]:8080/trocar", Some("only on this computer")),
+            ("https://192.168.1.5", Some("only in your own network")),
+            ("https://skills", Some("only in your own network")),
+        ] {
+            assert_eq!(local_readers(address), readers, "{address}");
         }
     }
 }

@@ -29,7 +29,7 @@ pub mod account;
 pub mod attention;
 pub mod auth;
 pub mod base_path;
-mod base_url;
+pub mod base_url;
 pub mod boxes;
 pub mod centre;
 mod certificate_end;

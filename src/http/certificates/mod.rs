@@ -138,7 +138,7 @@ pub async fn list(
 /// The trainee's progress must meet the task's standard (`passed` of `GET /trainees/{id}/progress`). The certificate holds
 /// all that it says, and its PDF is signed; neither changes later. The same certificate is issued once, unless it was
 /// withdrawn. A name that the sheet cannot show is refused: it has the Latin, Greek, Cyrillic, Armenian and Georgian
-/// scripts. If no `public_url` is set and the request came to an address that can be opened only on the service's computer
+/// scripts. If `public_url`, or the address of the request where that is not set, can be opened only on the service's computer
 /// or in its network, it is refused with that address as `local_address`, unless `accept_local_address` is true.
 #[utoipa::path(post, path = "/trainees/{id}/certificates", tag = "certificates",
     params(("id" = String, Path, description = "id or code")), request_body = NewCertificate,
@@ -150,6 +150,7 @@ pub async fn issue(
     headers: HeaderMap,
     Json(new): Json<NewCertificate>,
 ) -> HandlerResult<Created<CertificateResponse>> {
+    app.store.trainees().get(&by.scope, &key).await?;
     let base = app.lasting_base_url(&headers, new.accept_local_address)?;
     let made = app.certificates.issue(&by.scope, &key, new, &base).await?;
     Ok(Created { location: format!("/api/v1/certificates/{}", made.id), made: made.into() })

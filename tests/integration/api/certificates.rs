@@ -9,6 +9,7 @@ use reqwest::{Method, Response, StatusCode, header};
 use serde_json::{Value, json};
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection};
+use trocar::settings::Settings;
 
 use super::centre::Centre;
 use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
@@ -20,7 +21,10 @@ const OF_ADA: &str = "/api/v1/trainees/ada/certificates";
 
 /// A centre whose trainee Ada has passed the task `peg` with two sessions.
 async fn with_pass() -> (Centre, Planter) {
-    let centre = Centre::open().await;
+    with_pass_in(Centre::open().await).await
+}
+
+async fn with_pass_in(centre: Centre) -> (Centre, Planter) {
     let by = json!({"method": "fixed", "limit": 50.5, "unit": "s"});
     let standard = json!({"targets": [{"feature": "duration", "by": by}], "rule": {"in_a_row": 2, "then_more": 0}});
     centre.administrator.make("/api/v1/tasks/peg/standards", standard).await;
@@ -283,8 +287,24 @@ async fn an_address_that_works_only_here_is_confirmed_before_a_certificate_keeps
     let host = |host: &str| centre.instructor.clone().with("host", host);
     let inside = problem(host("192.168.1.20:8080").post(OF_ADA, body.clone()).await, 409, "conflict").await;
     assert_eq!(inside["local_address"], "http://192.168.1.20:8080");
+    let of_bob = "/api/v1/trainees/bob/certificates";
+    problem(centre.instructor.post(of_bob, body.clone()).await, 404, "not-found").await;
     let made = host("skills.example").make(OF_ADA, body).await;
     assert!(made["content"]["address"].as_str().unwrap().starts_with("http://skills.example/verify/"), "{made}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_address_in_the_settings_that_works_only_here_is_confirmed_too() {
+    let local = |settings: &mut Settings| {
+        settings.http.public_url = Some("http://trocar.local:8080/".to_owned());
+    };
+    let (centre, _) = with_pass_in(Centre::open_in(Service::start_with(local).await).await).await;
+    let body = json!({"task": "peg", "language": "en"});
+    let client = centre.instructor.clone().with("host", "skills.example");
+    let refused = problem(client.post(OF_ADA, body).await, 409, "conflict").await;
+    assert_eq!(refused["local_address"], "http://trocar.local:8080");
+    let made = issue(&centre, "en").await;
+    assert!(made["content"]["address"].as_str().unwrap().starts_with("http://trocar.local:8080/verify/"), "{made}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
