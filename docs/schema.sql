@@ -88,7 +88,7 @@ CREATE TABLE certificate (
     issued_at_ms     INTEGER NOT NULL CHECK (issued_at_ms >= 0),             -- when, epoch ms
     state            TEXT NOT NULL CHECK (state IN ('valid', 'under_review', 'withdrawn', 'erased')), -- CertificateState
     state_at_ms      INTEGER NOT NULL CHECK (state_at_ms >= 0),              -- since when, epoch ms
-    reason           TEXT CHECK (length(reason) BETWEEN 1 AND 2000),         -- why it was withdrawn, for the public; NULL: it was not
+    reason           TEXT CHECK (length(reason) BETWEEN 1 AND 2000), exam_id TEXT REFERENCES exam (id) ON DELETE SET NULL,         -- why it was withdrawn, for the public; NULL: it was not
     CHECK ((state = 'erased') = (content IS NULL) AND (content IS NULL) = (pdf IS NULL)),
     CHECK ((state = 'withdrawn') = (reason IS NOT NULL))
 ) STRICT;
@@ -251,6 +251,56 @@ CREATE TABLE evidence (
     result_id TEXT PRIMARY KEY REFERENCES result (id) ON DELETE CASCADE,     -- of which result
     rows      TEXT NOT NULL CHECK (json_valid(rows) AND length(rows) <= 1048576) -- one row a feature ([EvidenceRow])
 ) STRICT, WITHOUT ROWID;
+
+CREATE TABLE exam (
+    id            TEXT PRIMARY KEY CHECK (length(id) = 36),                  -- ExamId
+    trainee_id    TEXT NOT NULL REFERENCES trainee (id) ON DELETE CASCADE,   -- the candidate
+    task_id       TEXT NOT NULL REFERENCES task (id) ON DELETE RESTRICT,     -- the task
+    box_id        TEXT NOT NULL REFERENCES training_box (id) ON DELETE RESTRICT, -- the box
+    standard_id   TEXT NOT NULL REFERENCES standard (id) ON DELETE RESTRICT, -- the version of the standard that judges it
+    attempts      INTEGER NOT NULL CHECK (attempts BETWEEN 1 AND 3),         -- how many attempts the candidate has
+    day           TEXT CHECK (length(day) = 10),                             -- when it is to be held, YYYY-MM-DD; NULL: not said
+    state         TEXT NOT NULL CHECK (state IN ('planned', 'running', 'closed', 'cancelled')), -- ExamState
+    planned_by    TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who planned it; NULL: deleted, or the service
+    planned_at_ms INTEGER NOT NULL CHECK (planned_at_ms >= 0),               -- when, epoch ms
+    identity      TEXT CHECK (identity IN ('badge', 'document', 'known')),   -- IdentityCheck: how the examiner confirmed who it is; NULL: not started
+    examiner_id   TEXT REFERENCES person (id) ON DELETE SET NULL,            -- the examiner; NULL: not started, or the account was deleted
+    examiner      TEXT CHECK (length(examiner) BETWEEN 1 AND 120),           -- name of the examiner at the start; stays when the account is deleted
+    self_test_id  TEXT REFERENCES self_test (id) ON DELETE SET NULL,         -- the self-test of the box that day
+    started_at_ms INTEGER CHECK (started_at_ms >= planned_at_ms),            -- when it was started, epoch ms
+    result        TEXT CHECK (result IN ('passed', 'not_passed', 'undecided')), -- ExamResult; NULL: not closed
+    ended_by      TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who closed or cancelled it; NULL: deleted, or neither
+    ended_at_ms   INTEGER CHECK (ended_at_ms >= planned_at_ms),              -- when, epoch ms
+    CHECK ((started_at_ms IS NULL) = (identity IS NULL) AND (identity IS NULL) = (examiner IS NULL)),
+    CHECK (state <> 'planned' OR started_at_ms IS NULL),
+    CHECK (state NOT IN ('running', 'closed') OR started_at_ms IS NOT NULL),
+    CHECK ((state = 'closed') = (result IS NOT NULL)),
+    CHECK ((state IN ('closed', 'cancelled')) = (ended_at_ms IS NOT NULL))
+) STRICT;
+
+CREATE TABLE exam_attempt (
+    recording_id  TEXT PRIMARY KEY CHECK (length(recording_id) = 36),        -- FeedId that the service gave to the recording
+    exam_id       TEXT NOT NULL REFERENCES exam (id) ON DELETE CASCADE,      -- the exam
+    ordered_by    TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who ordered it; NULL: deleted
+    ordered_at_ms INTEGER NOT NULL CHECK (ordered_at_ms >= 0),               -- when, epoch ms
+    number        INTEGER CHECK (number >= 1),                               -- 1, 2, … in the order of beginning; NULL: it has not begun
+    began_at_ms   INTEGER CHECK (began_at_ms >= 0),                          -- when its first frames were announced, epoch ms
+    session_id    TEXT REFERENCES session (id) ON DELETE SET NULL,           -- its session; NULL: not begun, or nothing could be kept
+    outcome       TEXT CHECK (outcome IN ('passed', 'not_passed', 'undecided', 'refused', 'failed')), -- AttemptOutcome; NULL: not judged yet
+    cause         TEXT CHECK (cause IN ('error_bar', 'not_measured', 'other_box', 'not_live')), -- AttemptCause: why it is undecided
+    pipeline      TEXT CHECK (length(pipeline) >= 1),                        -- version of the measurement that was judged
+    figures       TEXT CHECK (json_valid(figures)),                          -- what was judged, by which limits (JudgedFigure)
+    judged_at_ms  INTEGER CHECK (judged_at_ms >= 0),                         -- when, epoch ms
+    voided_by     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who voided it; NULL: not voided, or deleted
+    void_reason   TEXT CHECK (length(void_reason) BETWEEN 1 AND 2000),       -- why
+    voided_at_ms  INTEGER CHECK (voided_at_ms >= 0),                         -- when, epoch ms; NULL: it counts
+    UNIQUE (exam_id, number),
+    CHECK ((number IS NULL) = (began_at_ms IS NULL)),
+    CHECK (number IS NOT NULL OR (session_id IS NULL AND outcome IS NULL AND voided_at_ms IS NULL)),
+    CHECK ((outcome IS NULL) = (judged_at_ms IS NULL)),
+    CHECK ((cause IS NULL) = (outcome IS NOT 'undecided')),
+    CHECK ((voided_at_ms IS NULL) = (void_reason IS NULL))
+) STRICT;
 
 CREATE TABLE feature (
     result_id  TEXT NOT NULL REFERENCES result (id) ON DELETE CASCADE,       -- of which result
@@ -758,6 +808,8 @@ CREATE INDEX audit_backup ON audit (id) WHERE action = 'create' AND noun = 'back
 
 CREATE INDEX audit_recordings ON audit (actor, at_ms) WHERE noun = 'session' AND action IN ('create', 'import');
 
+CREATE INDEX certificate_exam ON certificate (exam_id) WHERE exam_id IS NOT NULL;
+
 CREATE INDEX certificate_key_of ON certificate (key_id);
 
 CREATE INDEX certificate_person ON certificate (person_id);
@@ -811,6 +863,32 @@ CREATE UNIQUE INDEX error_sheet_open ON error_sheet (session_id, person_id) WHER
 CREATE INDEX error_sheet_person ON error_sheet (person_id);
 
 CREATE INDEX error_sheet_session ON error_sheet (session_id, finished_at_ms);
+
+CREATE INDEX exam_box ON exam (box_id);
+
+CREATE INDEX exam_ended_by ON exam (ended_by);
+
+CREATE INDEX exam_examiner ON exam (examiner_id);
+
+CREATE INDEX exam_planned_by ON exam (planned_by);
+
+CREATE UNIQUE INDEX exam_running_box ON exam (box_id) WHERE state = 'running';
+
+CREATE UNIQUE INDEX exam_running_trainee ON exam (trainee_id) WHERE state = 'running';
+
+CREATE INDEX exam_self_test ON exam (self_test_id);
+
+CREATE INDEX exam_standard ON exam (standard_id);
+
+CREATE INDEX exam_task ON exam (task_id);
+
+CREATE INDEX exam_trainee ON exam (trainee_id);
+
+CREATE INDEX exam_attempt_ordered_by ON exam_attempt (ordered_by);
+
+CREATE INDEX exam_attempt_session ON exam_attempt (session_id) WHERE session_id IS NOT NULL;
+
+CREATE INDEX exam_attempt_voided_by ON exam_attempt (voided_by);
 
 CREATE INDEX feature_named ON feature (name, result_id, tool, space, value, low, high);
 
@@ -1024,6 +1102,19 @@ CREATE TRIGGER consent_text_stays BEFORE UPDATE OF version, title_en, body_en, t
     SELECT RAISE(ABORT, 'a published consent text never changes');
 END;
 
+CREATE TRIGGER exam_ends_once BEFORE UPDATE OF state, result, ended_at_ms ON exam WHEN OLD.state IN ('closed', 'cancelled') BEGIN
+    SELECT RAISE(ABORT, 'an exam that has ended never changes');
+END;
+
+CREATE TRIGGER exam_stays BEFORE UPDATE OF task_id, standard_id, attempts, planned_at_ms ON exam BEGIN
+    SELECT RAISE(ABORT, 'what was fixed for an exam never changes');
+END;
+
+CREATE TRIGGER exam_attempt_is_judged_once BEFORE UPDATE OF outcome, cause, figures, pipeline ON exam_attempt
+WHEN OLD.outcome IS NOT NULL BEGIN
+    SELECT RAISE(ABORT, 'an attempt is judged once');
+END;
+
 CREATE TRIGGER feed_erased AFTER DELETE ON feed BEGIN
     INSERT INTO erased_feed (id) VALUES (OLD.id) ON CONFLICT DO NOTHING;
 END;
@@ -1205,6 +1296,10 @@ CREATE VIEW practised_session AS
     LEFT JOIN tracking_job AS job ON job.session_id = session.id
     LEFT JOIN current_result AS result ON result.session_id = session.id;
 
+CREATE VIEW sealed_session (session_id) AS
+    SELECT attempt.session_id FROM exam CROSS JOIN exam_attempt AS attempt ON attempt.exam_id = exam.id
+    WHERE exam.state = 'running' AND attempt.session_id IS NOT NULL;
+
 CREATE VIEW session_background (session_id, recorded_at_source, date_known, supervision, supervised_at_ms, supervisor) AS
     SELECT session.id, session.recorded_at_source, session.date_known, session.supervision, session.supervised_at_ms, person.name
     FROM session LEFT JOIN person ON person.id = session.supervised_by;
@@ -1362,7 +1457,10 @@ CREATE VIEW uncounted_session (session_id) AS
     SELECT session.id FROM pending_erasure JOIN session ON session.trainee_id = pending_erasure.trainee_id
     UNION ALL
     SELECT session.id FROM record_merge JOIN session ON session.trainee_id = record_merge.merged_trainee_id
-    WHERE record_merge.separated_at_ms IS NULL;
+    WHERE record_merge.separated_at_ms IS NULL
+    UNION ALL
+    SELECT attempt.session_id FROM exam_attempt AS attempt JOIN exam ON exam.id = attempt.exam_id
+    WHERE attempt.session_id IS NOT NULL AND (attempt.voided_at_ms IS NOT NULL OR exam.state = 'running');
 
 CREATE VIEW valid_setup AS
     SELECT made.session_id, made.made_at_ms,
@@ -1392,7 +1490,8 @@ CREATE VIEW visible_job (role, subject, job_id) AS
     JOIN group_trainee ON group_trainee.trainee_id = session.trainee_id
     JOIN group_instructor ON group_instructor.group_id = group_trainee.group_id
     UNION ALL
-    SELECT 'trainee', session.trainee_id, job.id FROM job JOIN session ON session.id = job.session_id;
+    SELECT 'trainee', session.trainee_id, job.id FROM job JOIN session ON session.id = job.session_id
+    WHERE session.id NOT IN (SELECT session_id FROM sealed_session);
 
 CREATE VIEW visible_trainee (role, subject, trainee_id) AS
     SELECT 'trainee', id, id FROM trainee

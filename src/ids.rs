@@ -114,6 +114,8 @@ ids! {
     ConsentTextId;
     /// A decision of a trainee about recordings.
     ConsentId;
+    /// An exam.
+    ExamId;
     /// A certificate that was issued.
     CertificateId;
     /// A recording that arrives frame by frame. Its sender makes the id.

@@ -410,6 +410,26 @@ export const api = {
     /** @param {string} id @param {boolean} videos */
     dataAddress: (id, videos) => address(['trainees', id, 'data.zip'], { videos: String(videos) }),
   },
+  exams: {
+    /** @param {ApiQueryOf<'GET', ['exams']>} [query] @param {AbortSignal} [signal] */
+    page: (query, signal) => request('GET', ['exams'], { query, signal }),
+    /** @param {string} id @param {AbortSignal} [signal] */
+    get: (id, signal) => request('GET', ['exams', id], { signal }),
+    /** @param {ApiBody<'POST', ['exams']>} json */
+    plan: json => request('POST', ['exams'], { json }),
+    /** @param {string} id */
+    cancel: id => request('POST', ['exams', id, 'cancel']),
+    /** @param {string} id @param {ApiBody<'POST', ['exams', string, 'start']>} json */
+    start: (id, json) => request('POST', ['exams', id, 'start'], { json }),
+    /** Orders the recording of the next attempt. @param {string} id @param {ApiBody<'POST', ['exams', string, 'attempts']>} json */
+    record: (id, json) => request('POST', ['exams', id, 'attempts'], { json }),
+    /** @param {string} id @param {number} number @param {ApiBody<'POST', ['exams', string, 'attempts', string, 'void']>} json */
+    void: (id, number, json) => request('POST', ['exams', id, 'attempts', `${number}`, 'void'], { json }),
+    /** @param {string} id */
+    close: id => request('POST', ['exams', id, 'close']),
+    /** @param {string} id @param {ApiBody<'POST', ['exams', string, 'certificates']>} json */
+    certify: (id, json) => request('POST', ['exams', id, 'certificates'], { json }),
+  },
   certificates: {
     /** @param {ApiQueryOf<'GET', ['certificates']>} [query] @param {AbortSignal} [signal] */
     page: (query, signal) => request('GET', ['certificates'], { query, signal }),

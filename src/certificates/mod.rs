@@ -16,15 +16,16 @@ use crate::cohorts::{Cohorts, CohortsError, ProgressSelection, TraineeProgress};
 use crate::domain::certificate::key::CertificateSigner;
 use crate::domain::certificate::signed_file;
 use crate::domain::certificate::{
-    CONTENT_FORMAT, CertificateBasis, CertificateCode, CertificateContent, CertificateLanguage, CertifiedSession,
-    CertifiedStandard, NewCertificate,
+    CONTENT_FORMAT, CertificateBasis, CertificateCode, CertificateContent, CertificateLanguage, CertifiedExam,
+    CertifiedSession, CertifiedStandard, EXAM_FORMAT, NewCertificate,
 };
+use crate::domain::exam::ExamResult;
 use crate::domain::scope::Scope;
 use crate::domain::standard::StandardDefinition;
 use crate::domain::text::Key;
-use crate::ids::SessionId;
+use crate::ids::{ExamId, SessionId};
 use crate::store::{
-    CertificateRecord, IssuedCertificate, StandardRecord, Store, StoreError, TaskRecord, TraineeRecord,
+    CertificateRecord, ExamRecord, IssuedCertificate, StandardRecord, Store, StoreError, TaskRecord, TraineeRecord,
 };
 use crate::time::{Day, SharedClock};
 
@@ -69,6 +70,8 @@ pub enum IssueError {
 struct CertificateFacts {
     standard: CertifiedStandard,
     basis: CertificateBasis,
+    /// The exam, and its id.
+    exam: Option<(ExamId, CertifiedExam)>,
     earned_on: String,
     measurement: String,
     sessions: Vec<(SessionId, CertifiedSession)>,
@@ -112,6 +115,64 @@ impl Certificates {
         self.issue_facts(scope, (trainee, task), new.language, facts, base).await
     }
 
+    /// Issues the certificate of an exam that was passed. `base`: as in [`Certificates::issue`].
+    pub async fn issue_of_exam(
+        &self,
+        scope: &Scope,
+        exam: ExamId,
+        language: CertificateLanguage,
+        base: &str,
+    ) -> Result<CertificateRecord, IssueError> {
+        let exam = self.store.exams().get(scope, exam).await?;
+        let standard = self.store.standards().get(scope, exam.standard_id).await?;
+        let (trainee, task) = (Key::from(&exam.trainee_id), Key::from(&exam.task_id));
+        let facts = self.facts_of_exam(scope, language, &exam, &standard).await?;
+        let trainee = self.store.trainees().get(scope, &trainee).await?;
+        let task = self.store.tasks().get(scope, &task).await?;
+        self.issue_facts(scope, (trainee, task), language, facts, base).await
+    }
+
+    async fn facts_of_exam(
+        &self,
+        scope: &Scope,
+        language: CertificateLanguage,
+        exam: &ExamRecord,
+        standard: &StandardRecord,
+    ) -> Result<CertificateFacts, IssueError> {
+        let not_passed = || {
+            IssueError::NotMet("the exam was not passed, or is not closed yet, so there is no certificate".to_owned())
+        };
+        let passed = exam.result == Some(ExamResult::Passed);
+        let attempt = exam.passing().filter(|_| passed).ok_or_else(not_passed)?;
+        let (Some(identity), Some(examiner), Some(started_at_ms), Some(session)) =
+            (exam.identity, &exam.examiner, exam.started_at_ms, attempt.session_id)
+        else {
+            return Err(not_passed());
+        };
+        let session = self.store.sessions().get(scope, session).await?;
+        let certified = CertifiedExam {
+            held_on: words::day_of(started_at_ms),
+            examiner: examiner.to_string(),
+            identity,
+            attempts_used: exam.used(),
+            attempts_allowed: exam.attempts,
+        };
+        let shown = CertifiedSession {
+            number: attempt.number as usize,
+            recorded_on: words::day_of(session.recorded_at_ms),
+            day_known: session.date_known,
+            supervision: session.supervision,
+        };
+        Ok(CertificateFacts {
+            standard: certified_standard(language, (standard.version, standard.created_at_ms), &standard.definition),
+            basis: CertificateBasis::Exam,
+            exam: Some((exam.id, certified)),
+            earned_on: words::day_of(attempt.began_at_ms),
+            measurement: attempt.pipeline.clone().unwrap_or_default(),
+            sessions: vec![(session.id, shown)],
+        })
+    }
+
     /// Issues a certificate that says these facts.
     async fn issue_facts(
         &self,
@@ -126,10 +187,11 @@ impl Certificates {
         let issuer = self.store.certificates().issuer(scope).await?;
         let signer = self.store.certificates().signer().await?;
         let code = CertificateCode::random();
-        let CertificateFacts { standard, basis, earned_on, measurement, sessions } = facts;
+        let CertificateFacts { standard, basis, exam, earned_on, measurement, sessions } = facts;
+        let (exam, certified_exam) = exam.unzip();
         let (ids, sessions): (Vec<SessionId>, Vec<CertifiedSession>) = sessions.into_iter().unzip();
         let content = CertificateContent {
-            format: CONTENT_FORMAT,
+            format: if exam.is_some() { EXAM_FORMAT } else { CONTENT_FORMAT },
             address: format!("{base}/verify/{code}"),
             code,
             language,
@@ -138,6 +200,7 @@ impl Certificates {
             task: task.name.to_string(),
             standard,
             basis,
+            exam: certified_exam,
             earned_on,
             sessions,
             program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -149,7 +212,7 @@ impl Certificates {
         let (content, pdf) = tokio::task::spawn_blocking(move || signed(content, logo.as_ref(), &signer))
             .await
             .map_err(|_| IssueError::Interrupted)??;
-        let issued = IssuedCertificate { trainee: trainee.id, task: task.id, sessions: ids, content, pdf };
+        let issued = IssuedCertificate { trainee: trainee.id, task: task.id, exam, sessions: ids, content, pdf };
         Ok(self.store.certificates().add(scope, issued).await?)
     }
 }
@@ -199,6 +262,7 @@ fn facts_of_progress(
     CertificateFacts {
         standard: CertifiedStandard { rule: rule.map(|rule| words::rule(language, &rule)), ..certified },
         basis: if rule.is_some() { CertificateBasis::Rule } else { CertificateBasis::Charts },
+        exam: None,
         earned_on: day(&passed.at),
         measurement,
         sessions: counted.collect(),

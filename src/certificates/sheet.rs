@@ -150,12 +150,12 @@ fn body(column: &mut Column<'_>, content: &CertificateContent, has_logo: bool) {
     column.paragraph(&content.trainee, 22.0, 2.0);
     column.paragraph(&words::has_met(content), 13.0, 6.0);
     column.paragraph(&words::how(content), 10.0, 6.0);
-    column.paragraph(words.limits, 10.0, 12.0);
+    column.paragraph(words::limits(content), 10.0, 12.0);
     match content.standard.limits.len() {
         0..=8 => column.list(&content.standard.limits, 10.0),
         _ => column.grid(&content.standard.limits, 9.0),
     }
-    column.paragraph(words.sessions, 10.0, 12.0);
+    column.paragraph(words::sessions(content), 10.0, 12.0);
     let is_long = content.sessions.len() > MAX_FULL_DAYS;
     let sessions = content.sessions.iter().map(|session| words::session(language, session, is_long));
     let sessions: Vec<String> = sessions.collect();

@@ -1,7 +1,10 @@
 //! The words of a certificate, in its language. The pages have the same German titles of features in
 //! `static/texts/de.js`; a test compares them.
 
-use crate::domain::certificate::{CertificateBasis, CertificateContent, CertificateLanguage, CertifiedSession};
+use crate::domain::certificate::{
+    CertificateBasis, CertificateContent, CertificateLanguage, CertifiedExam, CertifiedSession,
+};
+use crate::domain::exam::IdentityCheck;
 use crate::domain::feature::FeatureKey;
 use crate::domain::hand::Hand;
 use crate::domain::session::{FeatureSpace, Supervision};
@@ -143,10 +146,12 @@ pub(super) fn day(language: CertificateLanguage, iso: &str) -> String {
     }
 }
 
-/// `has met the standard of the task “Peg transfer”`.
+/// `has met the standard of the task “Peg transfer”`, or has passed the exam in it.
 pub(super) fn has_met(content: &CertificateContent) -> String {
     let task = &content.task;
     match content.language {
+        En if content.exam.is_some() => format!("has passed the exam in the task “{task}”"),
+        De if content.exam.is_some() => format!("hat die Prüfung in der Aufgabe „{task}“ bestanden"),
         En => format!("has met the standard of the task “{task}”"),
         De => format!("hat den Standard der Aufgabe „{task}“ erfüllt"),
     }
@@ -154,6 +159,9 @@ pub(super) fn has_met(content: &CertificateContent) -> String {
 
 /// How and when the standard was met.
 pub(super) fn how(content: &CertificateContent) -> String {
+    if let Some(exam) = &content.exam {
+        return how_examined(content, exam);
+    }
     let (language, standard) = (content.language, &content.standard);
     let (on, set) = (day(language, &content.earned_on), day(language, &standard.set_on));
     let version = standard.version;
@@ -173,6 +181,54 @@ pub(super) fn how(content: &CertificateContent) -> String {
         De => format!("Erfüllt am {on}. Standard: Version {version} vom {set}."),
     };
     format!("{how} {when}").trim().to_owned()
+}
+
+/// When and how the person was examined, and by which standard.
+fn how_examined(content: &CertificateContent, exam: &CertifiedExam) -> String {
+    let (language, standard) = (content.language, &content.standard);
+    let (on, set, version) = (day(language, &exam.held_on), day(language, &standard.set_on), standard.version);
+    let CertifiedExam { examiner, attempts_used: used, attempts_allowed: allowed, .. } = exam;
+    let identity = identity(language, exam.identity);
+    match language {
+        En => format!(
+            "Exam on {on}. Examiner: {examiner}. Identity confirmed by {identity}. Attempts used: {used} of {allowed}. \
+             Standard: version {version} of {set}, fixed before the exam."
+        ),
+        De => format!(
+            "Prüfung am {on}. Prüfer/in: {examiner}. Identität bestätigt durch {identity}. Genutzte Versuche: {used} von \
+             {allowed}. Standard: Version {version} vom {set}, vor der Prüfung festgelegt."
+        ),
+    }
+}
+
+/// How the examiner confirmed who the candidate is: continues `confirmed by`.
+fn identity(language: CertificateLanguage, check: IdentityCheck) -> &'static str {
+    match (language, check) {
+        (En, IdentityCheck::Badge) => "badge with a photo",
+        (En, IdentityCheck::Document) => "identity document",
+        (En, IdentityCheck::Known) => "the examiner, who knows the person",
+        (De, IdentityCheck::Badge) => "Ausweis der Einrichtung mit Foto",
+        (De, IdentityCheck::Document) => "amtlichen Ausweis",
+        (De, IdentityCheck::Known) => "persönliche Bekanntschaft",
+    }
+}
+
+/// The line above the sessions: they are attempts of an exam, or what counted.
+pub(super) fn sessions(content: &CertificateContent) -> &'static str {
+    match (content.language, content.exam.is_some()) {
+        (En, true) => "The attempt of the exam that met the standard:",
+        (De, true) => "Der Versuch der Prüfung, der den Standard erfüllte:",
+        (language, false) => of(language).sessions,
+    }
+}
+
+/// The line above the limits.
+pub(super) fn limits(content: &CertificateContent) -> &'static str {
+    match (content.language, content.exam.is_some()) {
+        (En, true) => "The attempt below met all of these limits, error bars included:",
+        (De, true) => "Der Versuch unten hielt alle diese Grenzwerte ein, Fehlerbalken eingeschlossen:",
+        (language, false) => of(language).limits,
+    }
 }
 
 /// A session in one short line; `*` marks a day that the sender stated. `is_long`: the list is, so days are in short.

@@ -15,6 +15,7 @@ use super::{CommandFailure, admin, print_result};
 use crate::domain::certificate::key::CertificatePublicKey;
 use crate::domain::certificate::signed_file::{self, MAX_FILE_BYTES, SignatureVerdict};
 use crate::domain::certificate::{CertificateCode, CertificateContent, CertificateState};
+use crate::domain::exam::IdentityCheck;
 use crate::settings::{Flags, Settings};
 use crate::time::Day;
 
@@ -182,16 +183,32 @@ async fn state_at(client: &ServiceClient, code: &CertificateCode) -> Result<Opti
     }
 }
 
+/// How the examiner of an exam confirmed who the candidate is.
+fn identity(check: IdentityCheck) -> &'static str {
+    match check {
+        IdentityCheck::Badge => "confirmed by a badge with a photo",
+        IdentityCheck::Document => "confirmed by an identity document",
+        IdentityCheck::Known => "confirmed by the examiner, who knows the person",
+    }
+}
+
 /// What a certificate says, one fact on a line.
 fn facts(content: &CertificateContent) -> String {
     let CertificateContent { trainee, task, standard, earned_on, issuer, issued_on, centre, address, key, .. } =
         content;
     let centre = centre.as_deref().unwrap_or("(without a name)");
-    let mut lines = vec![
-        ("Person", trainee.clone()),
-        ("Task", task.clone()),
-        ("Result", format!("met the standard on {earned_on}, version {} of the standard", standard.version)),
-    ];
+    let result = match &content.exam {
+        Some(_) => format!("passed an exam on {earned_on}, version {} of the standard", standard.version),
+        None => format!("met the standard on {earned_on}, version {} of the standard", standard.version),
+    };
+    let mut lines = vec![("Person", trainee.clone()), ("Task", task.clone()), ("Result", result)];
+    if let Some(exam) = &content.exam {
+        lines.extend([
+            ("Exam", format!("held on {} by {}", exam.held_on, exam.examiner)),
+            ("Identity", identity(exam.identity).to_owned()),
+            ("Attempts", format!("{} of {} used", exam.attempts_used, exam.attempts_allowed)),
+        ]);
+    }
     lines.extend(standard.limits.iter().map(|limit| ("Limit", limit.clone())));
     lines.extend([
         ("Centre", centre.to_owned()),

@@ -28,6 +28,7 @@
 //! | [`clock`] | the time of a recording's frames, and how it is corrected |
 //! | [`comment`] | comments on a moment or a stretch of a session |
 //! | [`edit`] | edits of a scored session: trim, swap, set aside |
+//! | [`exam`] | exams: states, judgement of an attempt, result |
 //! | [`standard`] | a task's requirements: targets, pass rule, charts |
 //! | [`cohort`] | members of a reference group |
 //! | [`course`] | a course plan: steps, each with a task |
@@ -73,6 +74,7 @@ pub mod enrolment;
 pub mod erasure;
 pub mod error_sheet;
 pub mod evidence;
+pub mod exam;
 pub mod feature;
 pub mod feed;
 pub mod files;

@@ -27,6 +27,8 @@ named! {
         Dismissals = "dismissals",
         /// Certificates.
         Certificates = "certificates",
+        /// Exams.
+        Exams = "exams",
         /// Recordings that wait for a name, and that a list gives to the person, or that are of the box.
         WaitingRecordings = "waiting_recordings",
         /// The account.

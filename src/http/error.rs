@@ -55,6 +55,8 @@ pub enum Refusal {
     TooSlow,
     /// The present state does not allow it.
     Conflict,
+    /// The session is an attempt of an exam, which is never edited.
+    ExamSession,
     /// The name, code or login is taken.
     Taken,
     /// The same recording was already sent for the same trainee, task and box.
@@ -92,7 +94,7 @@ pub enum Refusal {
 }
 
 /// Every refusal with the slug of its `type`, its title and its status.
-pub const REFUSALS: [(Refusal, &str, &str, u16); 29] = [
+pub const REFUSALS: [(Refusal, &str, &str, u16); 30] = [
     (Refusal::BadRequest, "bad-request", "The request cannot be read", 400),
     (Refusal::NotSignedIn, "not-signed-in", "Sign in first", 401),
     (Refusal::WrongCredentials, "wrong-credentials", "Login or password is wrong", 401),
@@ -105,6 +107,7 @@ pub const REFUSALS: [(Refusal, &str, &str, u16); 29] = [
     (Refusal::MethodNotAllowed, "method-not-allowed", "This address has no such method", 405),
     (Refusal::TooSlow, "too-slow", "The body arrived too slowly", 408),
     (Refusal::Conflict, "conflict", "This is not possible in the present state", 409),
+    (Refusal::ExamSession, "exam-session", "An attempt of an exam is never edited", 409),
     (Refusal::Taken, "taken", "The name is taken", 409),
     (Refusal::DuplicateRecording, "duplicate-recording", "This recording was sent before", 409),
     (Refusal::InUse, "in-use", "This is still in use", 409),
@@ -128,7 +131,7 @@ impl Refusal {
     /// Slug, title and status of this refusal.
     pub fn row(self) -> (&'static str, &'static str, StatusCode) {
         // Tests check that every variant has a row, and every row a valid status.
-        let row = REFUSALS.iter().find(|row| row.0 == self).unwrap_or(&REFUSALS[26]);
+        let row = REFUSALS.iter().find(|row| row.0 == self).unwrap_or(&REFUSALS[27]);
         (row.1, row.2, StatusCode::from_u16(row.3).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR))
     }
 
@@ -237,6 +240,7 @@ impl From<StoreError> for ProblemResponse {
             StoreError::InUse { .. } => {
                 Refusal::InUse.with(format!("{}. Delete what refers to it first.", capitalised(&error)))
             }
+            StoreError::ExamSession => Refusal::ExamSession.with(format!("{}.", capitalised(&error))),
             StoreError::ConsentMissing { state } => {
                 Refusal::ConsentMissing.with(format!("{}.", capitalised(&error))).member("consent", state.name())
             }

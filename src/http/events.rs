@@ -29,7 +29,7 @@ use crate::domain::scope::Scope;
 use crate::domain::session::SessionStatus;
 use crate::events::{Event, EventDelivery, EventSubscriber};
 use crate::ids::{JobId, SessionId};
-use crate::store::{Store, StoreResult, TraineeAudience};
+use crate::store::{SealedSubject, Store, StoreResult, TraineeAudience};
 
 /// How often a quiet stream sends a comment, which also detects a closed connection.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
@@ -106,12 +106,15 @@ impl PreparedEvent {
         let (audience, data) = match heard {
             EventDelivery::Missed(missed) => (EventAudience::Everyone, EventData::Missed { missed }),
             EventDelivery::Event(Event::Session { id, trainee, status, progress }) => {
-                let audience = EventAudience::OfTrainee(store.trainees().audience(trainee).await?);
+                let audience =
+                    EventAudience::OfTrainee(store.exams().audience(SealedSubject::Session(id), trainee).await?);
                 (audience, EventData::Session { id, status, progress })
             }
             EventDelivery::Event(Event::Job { id, kind, state, progress, trainee }) => {
                 let audience = match trainee {
-                    Some(trainee) => EventAudience::OfTrainee(store.trainees().audience(trainee).await?),
+                    Some(trainee) => {
+                        EventAudience::OfTrainee(store.exams().audience(SealedSubject::Job(id), trainee).await?)
+                    }
                     None => EventAudience::Staff,
                 };
                 (audience, EventData::Job { id, kind, state, progress })

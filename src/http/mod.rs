@@ -47,6 +47,7 @@ pub mod data_export;
 pub mod docs;
 pub mod error;
 pub mod events;
+pub mod exams;
 pub mod export;
 pub mod features;
 mod feed;

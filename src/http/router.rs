@@ -15,7 +15,7 @@ use super::pace::{Pace, keep_pace};
 use super::state::App;
 use super::{account, attention, centre, first_steps, service};
 use super::{
-    boxes, certificates, cohorts, consent_texts, courses, dashboard, data_export, docs, events, features, feed,
+    boxes, certificates, cohorts, consent_texts, courses, dashboard, data_export, docs, events, exams, features, feed,
     feedback, groups, health, jobs, observe, password_links, people, protect, push, replaced_routes, rescorings,
     scheme, sessions, single_sign_on, tasks, tokens,
 };
@@ -35,6 +35,7 @@ fn api_routes() -> OpenApiRouter<App> {
         .merge(session_routes())
         .merge(waiting_recording_routes())
         .merge(certificate_routes())
+        .merge(exam_routes())
         .merge(upload_routes())
         .merge(operation_routes())
         .merge(replaced_routes::replaced_routes())
@@ -254,6 +255,19 @@ fn certificate_routes() -> OpenApiRouter<App> {
         .routes(routes!(certificates::check))
         .routes(routes!(certificates::keys, certificates::replace_key))
         .routes(routes!(certificates::key))
+}
+
+/// Exams and their attempts.
+fn exam_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(exams::list, exams::plan))
+        .routes(routes!(exams::get))
+        .routes(routes!(exams::cancel))
+        .routes(routes!(exams::start))
+        .routes(routes!(exams::order))
+        .routes(routes!(exams::void))
+        .routes(routes!(exams::close))
+        .routes(routes!(exams::issue))
 }
 
 /// Jobs, the state of the service, events, and this description.

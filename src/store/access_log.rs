@@ -128,6 +128,7 @@ const SELECT_ENTRIES: &str = "
     FROM access_entry LEFT JOIN session ON session.id = access_entry.session_id
     LEFT JOIN task ON task.id = session.task_id LEFT JOIN person ON person.id = access_entry.person_id
     WHERE access_entry.trainee_id = $1 AND ($2 IS NULL OR access_entry.id < CAST($2 AS INTEGER))
+      AND (session.id IS NULL OR session.id NOT IN (SELECT session_id FROM sealed_session))
     ORDER BY access_entry.id DESC LIMIT $3";
 
 const SELECT_HAS_OLD: &str = "

@@ -70,7 +70,8 @@ const COUNT_SESSIONS: &str = "
     WHERE id IN (SELECT value FROM json_each($3)) AND trainee_id = $4 AND task_id = $5
       AND ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
+      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))";
 
 /// Deletes the dismissals of person `$1` that ended before `$2`, those of recent sessions made before `$3`, and earlier
 /// ones of the same alarm: kind `$4` of trainee `$5` at task `$6`.

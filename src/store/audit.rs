@@ -89,6 +89,8 @@ const SELECT_ENTRIES: &str = "
         WHEN 'waiting_recording' THEN (SELECT filename FROM waiting_recording WHERE id = subject)
         WHEN 'session' THEN
             (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id WHERE session.id = subject)
+        WHEN 'exam' THEN
+            (SELECT name FROM trainee JOIN exam ON trainee_id = trainee.id WHERE exam.id = subject)
         WHEN 'rating' THEN
             (SELECT name FROM trainee JOIN session ON trainee_id = trainee.id
                 JOIN rating ON session_id = session.id WHERE rating.id = subject)
@@ -125,10 +127,12 @@ const SELECT_ENTRIES_ABOUT: &str = "
            CASE WHEN person.trainee_id = $1 THEN address END AS address
     FROM audit
     LEFT JOIN person ON actor LIKE 'person:%' AND person.id = substr(actor, 8)
-    WHERE subject = $1 OR subject IN (SELECT merged_trainee.trainee_id FROM merged_trainee WHERE kept_id = $1)
+    WHERE (subject = $1 OR subject IN (SELECT merged_trainee.trainee_id FROM merged_trainee WHERE kept_id = $1)
        OR subject IN (SELECT id FROM session WHERE trainee_id = $1)
+       OR subject IN (SELECT id FROM exam WHERE trainee_id = $1)
        OR subject IN (SELECT account.id FROM person AS account WHERE account.trainee_id = $1)
-       OR actor IN (SELECT 'person:' || account.id FROM person AS account WHERE account.trainee_id = $1)
+       OR actor IN (SELECT 'person:' || account.id FROM person AS account WHERE account.trainee_id = $1))
+      AND subject NOT IN (SELECT session_id FROM sealed_session)
     ORDER BY audit.id DESC LIMIT $2";
 
 const SELECT_LAST_BACKUP: &str = "

@@ -144,7 +144,7 @@ impl BoxStore<'_> {
             .write_ending_sign_ins(async move |tx| {
                 for record in boxes_merged_into(tx, id).await?.into_iter().chain([id]) {
                     let deleted = sqlx::query(DELETE_BOX).bind(record).execute(&mut *tx).await;
-                    deleted.map_err(in_use("box", "sessions, or results of sessions that were moved away"))?;
+                    deleted.map_err(in_use("box", "sessions, exams, or results of sessions that were moved away"))?;
                 }
                 note(tx, &scope, now_ms, ("delete", "box"), id).await
             })

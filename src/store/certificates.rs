@@ -14,7 +14,7 @@ use super::{Scope, Store};
 use crate::domain::certificate::key::{CertificateKeyId, CertificatePublicKey, CertificateSigner};
 use crate::domain::certificate::{CertificateCode, CertificateContent, CertificateEventKind, CertificateState};
 use crate::domain::text::{Invalid, Name, Remark};
-use crate::ids::{CertificateId, PersonId, SessionId, TaskId, TraineeId};
+use crate::ids::{CertificateId, ExamId, PersonId, SessionId, TaskId, TraineeId};
 
 /// Most certificates of one trainee. A standard that is met gives one in each language.
 const MAX_OF_TRAINEE: i64 = 200;
@@ -42,6 +42,8 @@ pub struct IssuedCertificate {
     pub trainee: TraineeId,
     /// The task.
     pub task: TaskId,
+    /// The exam that was passed; `None`: it rests on the progress.
+    pub exam: Option<ExamId>,
     /// The sessions that it relies on, in the order of the content.
     pub sessions: Vec<SessionId>,
     /// What it says.
@@ -189,7 +191,7 @@ const SELECT_COUNT: &str = "SELECT count(*) FROM certificate WHERE trainee_id = 
 const SELECT_SAME: &str = "
     SELECT EXISTS (SELECT 1 FROM certificate
                    WHERE trainee_id = $1 AND task_id = $2 AND standard_version = $3 AND language = $4
-                     AND state IN ('valid', 'under_review'))";
+                     AND state IN ('valid', 'under_review') AND exam_id IS $5)";
 
 /// Of these sessions, those that count for this trainee and task as they did when the certificate was written.
 const SELECT_COUNTED: &str = "
@@ -198,8 +200,8 @@ const SELECT_COUNTED: &str = "
 
 const INSERT_CERTIFICATE: &str = "
     INSERT INTO certificate (id, code, trainee_id, task_id, standard_version, language, content, pdf, key_id, person_id,
-                             issued_at_ms, state, state_at_ms)
-    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, 'valid', $11)";
+                             issued_at_ms, state, state_at_ms, exam_id)
+    VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, 'valid', $11, $12)";
 
 const INSERT_SESSION: &str = "INSERT INTO certificate_session (certificate_id, number, session_id) VALUES ($1, $2, $3)";
 
@@ -444,13 +446,13 @@ async fn insert_key(tx: &mut SqliteConnection, by: &Scope, now_ms: i64) -> Store
 
 /// Refuses a certificate that there is already, or whose sessions changed while it was written.
 async fn refuse_unfit(tx: &mut SqliteConnection, issued: &IssuedCertificate) -> StoreResult<()> {
-    let IssuedCertificate { trainee, task, sessions, content, .. } = issued;
+    let IssuedCertificate { trainee, task, exam, sessions, content, .. } = issued;
     let count: i64 = sqlx::query_scalar(SELECT_COUNT).bind(trainee).fetch_one(&mut *tx).await?;
     if count >= MAX_OF_TRAINEE {
         return Err(StoreError::refused(format!("the trainee has {MAX_OF_TRAINEE} certificates, which is the limit")));
     }
     let same = sqlx::query_scalar(SELECT_SAME).bind(trainee).bind(task).bind(content.standard.version);
-    let same = same.bind(content.language);
+    let same = same.bind(content.language).bind(exam);
     if same.fetch_one(&mut *tx).await? {
         return Err(StoreError::refused(
             "this certificate was issued already: download it, or let an administrator withdraw it first",
@@ -470,12 +472,12 @@ async fn insert(
     (id, now_ms): (CertificateId, i64),
     issued: IssuedCertificate,
 ) -> StoreResult<()> {
-    let IssuedCertificate { trainee, task, sessions, content, pdf } = issued;
+    let IssuedCertificate { trainee, task, exam, sessions, content, pdf } = issued;
     let numbers: Vec<i64> = content.sessions.iter().map(|session| session.number as i64).collect();
     let insert = sqlx::query(INSERT_CERTIFICATE).bind(id).bind(content.code.clone()).bind(trainee).bind(task);
     let insert = insert.bind(content.standard.version).bind(content.language);
     let key = content.key.clone();
-    let insert = insert.bind(Json(content)).bind(pdf).bind(key).bind(by.person()).bind(now_ms);
+    let insert = insert.bind(Json(content)).bind(pdf).bind(key).bind(by.person()).bind(now_ms).bind(exam);
     insert.execute(&mut *tx).await.map_err(missing("task"))?;
     for (session, number) in sessions.into_iter().zip(numbers) {
         let insert = sqlx::query(INSERT_SESSION).bind(id).bind(number).bind(session);

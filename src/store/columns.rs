@@ -15,6 +15,7 @@ use crate::domain::certificate::{CertificateCode, CertificateEventKind, Certific
 use crate::domain::consent::{ConsentDecision, ConsentMeans};
 use crate::domain::edit::EditKind;
 use crate::domain::erasure::ErasedKind;
+use crate::domain::exam::{AttemptCause, AttemptOutcome, ExamResult, ExamState, IdentityCheck};
 use crate::domain::feed::FrameCodec;
 use crate::domain::feed::early_end::EarlyEndCause;
 use crate::domain::files::annotations::View;
@@ -33,9 +34,9 @@ use crate::domain::trainee::{Handedness, Level};
 use crate::domain::waiting_recording::RecordingSource;
 use crate::ids::{
     BoxId, CalibrationId, CertificateId, CohortId, CommentId, ConsentId, ConsentTextId, CourseId, CutId, DismissalId,
-    EditId, ErrorListId, ErrorMarkId, ErrorSheetId, FeedId, GroupId, IdentityId, InstallationId, JobId, LeaseToken,
-    MergeId, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId, ScoreFormulaId,
-    SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId, WaitingRecordingId,
+    EditId, ErrorListId, ErrorMarkId, ErrorSheetId, ExamId, FeedId, GroupId, IdentityId, InstallationId, JobId,
+    LeaseToken, MergeId, ModelId, MoveId, PaletteId, PasswordLinkId, PersonId, RatingId, RescoringId, ResultId,
+    ScoreFormulaId, SelfTestId, SessionId, StandardId, TaskId, TokenId, TraineeId, UploadId, WaitingRecordingId,
 };
 use crate::motion::features::{self, Feature};
 use crate::time::Day;
@@ -91,6 +92,7 @@ as_shown! {
     WaitingRecordingId RecordingSource
     CertificateId CertificateCode CertificateKeyId CertificateLanguage CertificateState CertificateEventKind
     MergeId MergedPart CutId
+    ExamId ExamState ExamResult IdentityCheck AttemptOutcome AttemptCause
 }
 
 as_stored! {

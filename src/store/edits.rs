@@ -13,6 +13,7 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::certificates;
 use super::error::{StoreError, StoreResult, missing, not_found};
+use super::exams::refuse_if_of_exam;
 use super::jobs::{enqueue_rescore_if_outdated, enqueue_track};
 use super::session_cuts::refuse_if_cut;
 use super::sessions::SELECT_CURRENT_RESULT;
@@ -224,6 +225,7 @@ impl EditStore<'_> {
         let id = EditId::at(now_ms);
         self.0
             .write(async move |tx| {
+                refuse_if_of_exam(tx, session).await?;
                 let kind = change.kind();
                 refuse_if_open(tx, session, kind).await?;
                 refuse_if_changed(tx, session, kind, basis).await?;
@@ -244,6 +246,7 @@ impl EditStore<'_> {
         let (by, now_ms, attempts) = (scope.clone(), self.0.now_ms(), self.0.max_attempts());
         self.0
             .write(async move |tx| {
+                refuse_if_of_exam(tx, session).await?;
                 refuse_if_cut(tx, id).await?;
                 undo(tx, (&by, now_ms, attempts), (session, edit.kind), id).await
             })

@@ -47,6 +47,12 @@ pub enum StoreError {
         /// The reason, and what to do about it.
         why: String,
     },
+    /// The session is an attempt of an exam, which is never edited.
+    #[error(
+        "this session is an attempt of an exam: it cannot be moved, cut, joined, edited, marked or erased. An administrator \
+         can void the attempt while the exam is running; it is erased with all data of the person"
+    )]
+    ExamSession,
     /// The trainee does not consent to new recordings.
     #[error("{}", state.why_refused())]
     ConsentMissing {

@@ -59,7 +59,8 @@ const SELECT_NEW_FEEDBACK: &str = "
          LEFT JOIN session_opening AS opening ON opening.session_id = session.id AND opening.person_id = $3
          WHERE $1 = 'trainee'
            AND session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2)
-           AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))),
+           AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+           AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))),
     entry (session_id, person_id, form, created_at_ms) AS
         (SELECT own.session_id, comment.person_id, NULL, comment.created_at_ms
          FROM own JOIN comment ON comment.session_id = own.session_id AND comment.created_at_ms > own.seen_ms
@@ -83,6 +84,7 @@ const SELECT_NEW_RESULTS: &str = "
     WHERE $1 = 'trainee'
       AND session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2)
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
       AND result.created_at_ms >= $4 AND result.created_at_ms > coalesce(opening.opened_at_ms, 0)
     ORDER BY result.created_at_ms DESC, session.id DESC LIMIT $5";
 
@@ -97,6 +99,7 @@ const UPSERT_ALL_OPENINGS: &str = "
     WHERE $1 = 'trainee'
       AND session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2)
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
       AND (EXISTS (SELECT 1 FROM comment WHERE comment.session_id = session.id AND comment.created_at_ms <= $4)
            OR EXISTS (SELECT 1 FROM rating WHERE rating.session_id = session.id AND rating.created_at_ms <= $4))
     ON CONFLICT (person_id, session_id) DO UPDATE SET opened_at_ms = max(opened_at_ms, excluded.opened_at_ms)";

@@ -8,6 +8,7 @@ use super::audit::note;
 use super::columns::Insert;
 use super::consents::{require_consent, require_no_refusal};
 use super::error::{StoreError, StoreResult, missing, not_found};
+use super::exams::{begin_attempt, bind_session};
 use super::jobs::enqueue_track;
 use super::sender_limits::check_feed;
 use super::sessions::{DELETE_SESSION, NewSessionRow, SELECT_SAME_SESSION, is_trusted_sender, supervising_sender};
@@ -130,6 +131,7 @@ const SELECT_LIVE_FEATURES: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
     ORDER BY feed.id DESC LIMIT 1";
 
 const SELECT_ARRIVAL: &str = "
@@ -138,6 +140,7 @@ const SELECT_ARRIVAL: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
     ORDER BY feed.id DESC LIMIT 1";
 
 const SELECT_EARLY_END: &str = "
@@ -146,6 +149,7 @@ const SELECT_EARLY_END: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
     ORDER BY feed.id DESC LIMIT 1";
 
 const UPDATE_ARRIVAL: &str = "UPDATE feed SET arrived_s = $2, stamped_s = $3 WHERE id = $1";
@@ -348,6 +352,7 @@ async fn find(tx: &mut SqliteConnection, id: FeedId) -> StoreResult<Option<FeedR
 
 async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: i64) -> StoreResult<FeedRow> {
     require_consent(tx, new.trainee, now_ms).await?;
+    let attempt = begin_attempt(tx, scope, &new).await?;
     let (id, session) = (new.id, SessionId::at(now_ms));
     let (recorded_at_ms, recorded_at_source) = match new.is_push {
         true => (new.began_at_ms, RecordedAtSource::Arrival), // the service itself noted the beginning of the push
@@ -372,10 +377,13 @@ async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: 
         date_known: recorded_at_source == RecordedAtSource::Arrival
             || is_trusted_sender(scope)
             || is_start_seen(recorded_at_ms, now_ms),
-        supervisor: supervising_sender(scope),
+        supervisor: attempt.and_then(|attempt| attempt.examiner).or_else(|| supervising_sender(scope)),
     };
     row.insert().execute(&mut *tx).await.map_err(missing("trainee, task or box"))?;
     new.insert(session, scope, now_ms).execute(&mut *tx).await?;
     note(tx, scope, now_ms, ("create", "session"), session).await?;
+    if let Some(attempt) = attempt {
+        bind_session(tx, scope, (attempt, id, session), now_ms).await?;
+    }
     find(tx, id).await?.ok_or(not_found("feed"))
 }

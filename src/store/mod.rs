@@ -56,6 +56,7 @@
 //! | [`Store::installation`] | `id` `backup_folder` `set_backup_folder` |
 //! | [`Store::centre`] | `get` `logo` `set_name` `set_logo` |
 //! | [`Store::certificates`] | `signer` `keys` `replace_key` `issuer` `add` `list` `get` `events` `pdf` `keep` `withdraw` `reinstate` `published` |
+//! | [`Store::exams`] | `plan` `list` `get` `cancel` `start` `order` `void` `close` `of_session` `is_sealed` `audience` |
 //! | [`Store::first_steps`] | `get` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
 
@@ -84,6 +85,7 @@ mod erasures;
 mod error;
 mod error_lists;
 mod error_sheets;
+mod exams;
 mod feedback;
 mod feeds;
 mod first_steps;
@@ -160,6 +162,7 @@ pub use erasures::ErasureStore;
 pub use error::{StoreError, StoreResult};
 pub use error_lists::{ErrorListRecord, ErrorListStore, ScoreFormulaRecord, ScoreFormulaStore};
 pub use error_sheets::{ErrorMarkRecord, ErrorSheetRecord, ErrorSheetStore, GivenErrorSheet, VisibleErrorSheets};
+pub use exams::{AttemptRecord, ExamFilter, ExamOfSession, ExamRecord, ExamStore, PlannedExam, SealedSubject};
 pub use feedback::{FeedbackEntry, FeedbackStore, SessionOpening};
 pub use feeds::{FeedRow, FeedStore, NewFeed};
 pub use first_steps::{FirstStepsRecord, FirstStepsStore};
@@ -512,6 +515,8 @@ accessors! {
     centre: CentreStore;
     /// Certificates, and the keys that sign them.
     certificates: CertificateStore;
+    /// Exams and their attempts.
+    exams: ExamStore;
     /// What a new centre has, and lacks.
     first_steps: FirstStepsStore;
     /// Accounts of trainees, and links for their passwords.

@@ -8,6 +8,7 @@ use sqlx::sqlite::SqliteConnection;
 use super::audit::note;
 use super::cookies::DELETE_COOKIES_OF;
 use super::error::{StoreError, StoreResult, not_found};
+use super::exams::refuse_if_running;
 use super::record_merges::{give_back_trainee, separate_trainees_from, trainee_holder_of, trainees_merged_into};
 use super::trainees::{TraineeRecord, erase};
 use super::visibility::{BindScope, require_staff};
@@ -139,7 +140,12 @@ impl PendingErasureStore<'_> {
         self.0
             .write_with_delete_reserve(|| {
                 let scope = scope.clone();
-                async move |tx| insert(tx, &scope, id, [now_ms, due_at_ms]).await
+                async move |tx| {
+                    if !scope.is_service() {
+                        refuse_if_running(tx, [id, id]).await?;
+                    }
+                    insert(tx, &scope, id, [now_ms, due_at_ms]).await
+                }
             })
             .await
     }

@@ -7,6 +7,7 @@ use sqlx::sqlite::SqliteConnection;
 use super::audit::note;
 use super::edits::{self, EditBasis};
 use super::error::{StoreError, StoreResult, not_found};
+use super::exams::refuse_if_of_exam;
 use super::jobs::{self, enqueue_track};
 use super::sessions::DELETE_SESSION;
 use super::visibility::{BindScope, require_staff, require_trainee};
@@ -151,6 +152,7 @@ impl SessionCutStore<'_> {
                 let source: CuttableRow = found.ok_or(not_found("session"))?;
                 let (trainee, .., is_dropped) = source;
                 require_trainee(tx, &by, trainee).await?;
+                refuse_if_of_exam(tx, session).await?;
                 refuse_uncuttable(tx, session, is_dropped).await?;
                 let second = SessionId::at(now_ms);
                 let insert = sqlx::query(INSERT_PART).bind(session).bind(second).bind((at_s * 1000.0) as i64);
@@ -199,6 +201,8 @@ impl SessionCutStore<'_> {
                 let (Some(first), Some(second), Some(trim)) = (first, second, trim) else {
                     return Err(StoreError::refused("one of the two parts was erased, so they cannot be joined"));
                 };
+                refuse_if_of_exam(tx, first).await?;
+                refuse_if_of_exam(tx, second).await?;
                 refuse_unjoinable(tx, id, [first, second]).await?;
                 skill_models::withdraw_of_session(tx, first, now_ms).await?;
                 sqlx::query(JOIN_PARTS).bind(id).bind(by.person()).bind(now_ms).execute(&mut *tx).await?;

@@ -14,6 +14,7 @@ use super::certificates;
 use super::consents::require_consent;
 use super::edits::settle_box_question;
 use super::error::{StoreError, StoreResult, missing, not_found};
+use super::exams::refuse_if_of_exam;
 use super::jobs::{enqueue_rescore_if_outdated, enqueue_track};
 use super::skill_models;
 use super::visibility::{BindScope, require_staff, require_trainee};
@@ -179,6 +180,7 @@ impl SessionMoveStore<'_> {
         let id = MoveId::at(now_ms);
         self.0
             .write(async move |tx| {
+                refuse_if_of_exam(tx, session).await?;
                 let row: Option<PlaceRow> = sqlx::query_as(SELECT_PLACE).bind(session).fetch_optional(&mut *tx).await?;
                 let (trainee, task, in_box, video, path, is_import) = row.ok_or(not_found("session"))?;
                 let from = SessionPlace { trainee, task, in_box };

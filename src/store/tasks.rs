@@ -137,7 +137,7 @@ impl TaskStore<'_> {
         self.0
             .write(async move |tx| {
                 let delete = sqlx::query(DELETE_TASK).bind(id);
-                delete.execute(&mut *tx).await.map_err(in_use("task", "sessions or course plans"))?;
+                delete.execute(&mut *tx).await.map_err(in_use("task", "sessions, exams or course plans"))?;
                 note(tx, &scope, now_ms, ("delete", "task"), id).await
             })
             .await

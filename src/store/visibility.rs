@@ -75,7 +75,7 @@ pub(super) const SELECT_AUDIENCE: &str = "
 
 /// The people who saw a trainee when it was read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TraineeAudience(pub(super) Vec<(Role, String)>);
+pub struct TraineeAudience(pub(in crate::store) Vec<(Role, String)>);
 
 impl TraineeAudience {
     /// Whether this scope of a person or agent saw the trainee.

@@ -12,6 +12,7 @@ import { RecordView } from '../parts/recording/record_view.js';
 import { RecordingStatus } from '../parts/recording/recording_status.js';
 import { maySendRecordings, RecordingTargetFields, TargetNeeded, useRecordingTarget } from '../parts/recording/recording_target.js';
 import { useCamera } from '../parts/recording/use_camera.js';
+import { href } from '../router.js';
 import { useLiveWatch } from '../watch.js';
 import { currentRecording, isRecording, onRecording } from '../record/current_recording.js';
 import { startRecording, stopRecording } from '../record/recorder.js';
@@ -25,11 +26,23 @@ const DOUBLE_CLICK_MS = 1000;
 export default function RecordPage({ person, route }) {
   if (!maySendRecordings(person))
     return html`<${PageHead} title=${words.title} /><${Notice} tone="warn" title=${t.target.noTrainee} />`;
-  return html`<${Recorder} person=${person} route=${route} />`;
+  const exam = route.query.get('exam');
+  return exam ? html`<${ExamRecorder} key=${exam} id=${exam} person=${person} route=${route} />` : html`<${Recorder} person=${person} route=${route} />`;
+}
+
+/** Records an attempt of an exam: candidate, task and box are fixed. @param {Props} props */
+function ExamRecorder({ id, person, route }) {
+  const { data: exam, problem, reload } = useData(signal => api.exams.get(id, signal), [id]);
+  if (!exam)
+    return html`<${PageHead} title=${words.title} />${problem ? html`<${ProblemNotice} problem=${problem} onRetry=${reload} />` : html`<${Loading} />`}`;
+  const { trainee, task, box } = exam;
+  const ids = { trainee: trainee.id, task: task.id, box: box.id };
+  const fixed = new URLSearchParams(ids);
+  return html`<${Recorder} person=${person} route=${{ ...route, query: fixed }} exam=${exam} />`;
 }
 
 /** @param {Props} props */
-function Recorder({ person, route }) {
+function Recorder({ person, route, exam = null }) {
   const target = useRecordingTarget({ person, route });
   const recording = useRecording();
   const box = target.chosen.box;
@@ -52,7 +65,11 @@ function Recorder({ person, route }) {
     setStarting(true);
     startedAt.current = performance.now();
     const { ids, names } = target;
-    await startRecording(camera.stream, { target: ids, names }).catch(error => setProblem(asProblem(error)));
+    const begin = async () => {
+      const ordered = exam && (await api.exams.record(exam.id, { way: 'browser' }));
+      await startRecording(camera.stream, { target: ids, names, recording: ordered?.recording, exam: exam?.id });
+    };
+    await begin().catch(error => setProblem(asProblem(error)));
     setStarting(false);
   };
   const press = () => {
@@ -62,12 +79,15 @@ function Recorder({ person, route }) {
   };
   const isBusy = isRecording();
   // Without pictures: this page shows its own camera's.
-  const watch = useLiveWatch(isBusy ? recording?.session : null, null, false);
+  // The candidate of an exam, who may stand before this screen, sees no live figures.
+  const watch = useLiveWatch(isBusy && !recording?.exam ? recording?.session : null, null, false);
   useEffect(() => void (recording?.connection === 'open' && watch?.retry()), [recording?.connection, watch]);
   return html`
     <${PageHead} title=${words.title} lead=${isBusy ? recording?.names : words.lead} />
     <div class="stack">
       <${ProblemNotice} problem=${target.problem} onRetry=${target.reload} />
+      ${exam && html`<${Notice} tone="busy" title=${t.exams.of(exam.trainee.name, exam.task.name)}>${t.exams.recordBody}
+        <span class="row after"><a class="button" href=${href(['exams', exam.id])}>${t.exams.back}</a></span><//>`}
       <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
       <div class="record">
         <div class="stack">
@@ -79,7 +99,7 @@ function Recorder({ person, route }) {
           <${RecordNotices} recording=${recording} />
           ${!isBusy && html`<${InterruptedRecordings} />`}
           ${isBusy && html`<${RecordingStatus} recording=${recording} watch=${watch} />`}
-          ${!isBusy && html`<${Setup} target=${target} camera=${camera} calibrated=${calibrated} box=${box}
+          ${!isBusy && html`<${Setup} isFixed=${exam !== null} target=${target} camera=${camera} calibrated=${calibrated} box=${box}
             person=${person} />`}
         </div>
       </div>
@@ -96,14 +116,14 @@ function wantedSize(picture) {
 }
 
 /** @param {Props} props */
-function Setup({ target, camera, calibrated, box, person }) {
+function Setup({ target, isFixed, camera, calibrated, box, person }) {
   return html`
     <section class="card">
       <header><h2>${words.setup}</h2></header>
       <div class="body stack">
         ${!target.lists && !target.problem && html`<${Loading} />`}
         <div class="fields">
-          ${target.lists && html`<${RecordingTargetFields} target=${target} />`}
+          ${target.lists && !isFixed && html`<${RecordingTargetFields} target=${target} />`}
           <${CameraFields} camera=${camera} calibrated=${calibrated} />
         </div>
         <${CameraNotices} camera=${camera} calibrated=${calibrated} box=${box} person=${person} />

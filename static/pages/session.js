@@ -64,6 +64,8 @@ export default function Session({ person, route }) {
         problem=${session.error ?? { title: t.status[stateOf(session)], detail: '' }} />
         ${session.retry_can_help && may(person, 'see_boxes') && html`<p><a href=${href(['boxes', session.box.id])}>${
           words.toBox(session.box.name)}</a></p>`}`}
+      ${session.exam && html`<${Notice} tone="busy" title=${t.exams.ofExam}>${t.exams.ofExamBody(session.exam.attempt, session.exam.is_voided)}
+        <span class="row after"><a class="button" href=${href(['exams', session.exam.id])}>${t.exams.toExam}</a></span><//>`}
       <${SameRecording} session=${session} person=${person} />
       ${edits?.items.some(edit => edit.of_cut) && html`<${Cuts} key=${edits.revision} session=${session} person=${person}
         onChange=${cut => (cut.first === session.id ? (readEdits(), reload()) : go(['sessions', cut.first]))} />`}
@@ -74,7 +76,7 @@ export default function Session({ person, route }) {
       <${Retimed} session=${session} edits=${edits} />
       ${session.status === 'done' && html`<${OutcomeCard} session=${session} />`}
       ${session.status === 'done' && !isValid(session) && html`<${Verdict} quality=${session.quality} />`}
-      <${Supervision} session=${session} person=${person} onChange=${reload} />
+      ${!session.exam && html`<${Supervision} session=${session} person=${person} onChange=${reload} />`}
       ${session.status !== 'receiving' && html`<${ReviewLoader} key=${`${session.id} ${session.status}`} session=${session}
         person=${person} edits=${edits} start=${Number(route.query.get('t')) || 0} onEdited=${() => (readEdits(), reload())} />`}
       ${session.status === 'done' && html`${isValid(session) && html`<${Verdict} quality=${session.quality} />`}<${Skill}
@@ -149,8 +151,8 @@ function Actions({ session, person, onChange }) {
     ${!isMoving(session) && session.retry_can_help && may(person, 'retry') && html`<button class=${`button ${session.status === 'failed' ? 'main'
       : ''}`} type="button" title=${words.again} disabled=${busy} onClick=${retry}>${busy ? words.retryBusy
       : words.retry}</button>`}
-    ${may(person, 'edit_sessions') && session.status !== 'receiving' && html`<${MoveButton} session=${session} onMoved=${onChange} />`}
-    ${may(person, 'delete') && !isMoving(session) && html`<button class="button" type="button"
+    ${may(person, 'edit_sessions') && !session.exam && session.status !== 'receiving' && html`<${MoveButton} session=${session} onMoved=${onChange} />`}
+    ${may(person, 'delete') && !session.exam && !isMoving(session) && html`<button class="button" type="button"
       onClick=${() => setAsking(true)}>${words.remove}</button>`}
     ${asking && html`<${Confirm} title=${words.removeTitle} body=${words.removeBody} yes=${words.removeYes}
       no=${words.keep} onYes=${remove} onClose=${() => setAsking(false)} />`}

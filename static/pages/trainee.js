@@ -10,6 +10,7 @@ import { href, replace } from '../router.js';
 import { t } from '../texts.js';
 import { featureTitle, featureWithTool } from '../translate.js';
 import { AccessEntries } from '../parts/people/access_entries.js';
+import { ExamsCard } from '../parts/exams/exam_list.js';
 import { CertificatesCard } from '../parts/people/certificates.js';
 import { ConsentCard } from '../parts/people/consent.js';
 import { MergedNotice, RecordMerges } from '../parts/people/record_merges.js';
@@ -56,6 +57,7 @@ export default function Trainee({ person, route }) {
   return html`
     <${PageHead} title=${trainee.name} lead=${[trainee.code, level].filter(Boolean).join(' · ')}>
       <a class="button" href=${href(['trainees', id, 'certificate'], { task: route.query.get('task') ?? base.usual?.id })}>${t.certificate.open}</a>
+      ${may(person, 'edit_trainees') && html`<a class="button" href=${href(['exams'], { plan: 1, trainee: trainee.id })}>${t.exams.plan}</a>`}
       <a class="button" href=${href(['trainees', id, 'report'], { task: route.query.get('task'), cohort: cohortOf(route) })}>${t.report.open}</a><//>
     <div class="stack">
       <${MergedNotice} record=${trainee} opened=${id} />
@@ -64,6 +66,7 @@ export default function Trainee({ person, route }) {
         : html`<${Empty} title=${words.noTasks} body=${words.noTasksBody} />`}</div>
       ${may(person, 'edit_trainees') && html`<div class="columns"><${ConsentCard} trainee=${trainee.id} mayEdit />
         <${RetentionCard} trainee=${trainee.id} name=${trainee.name} mayEdit /></div>`}
+      <${ExamsCard} trainee=${trainee.id} />
       <${CertificatesCard} trainee=${trainee.id} person=${person} />
       <${OwnData} trainee=${id} />
       ${may(person, 'people') && html`<${AccessEntries} trainee=${trainee.id} />

@@ -58,7 +58,8 @@ export default function Trainees({ person }) {
     data?.trainees.filter(trainee => `${trainee.name} ${trainee.code}`.toLowerCase().includes(searchText.toLowerCase())) ??
     [];
   return html`
-    <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['certificates'])}>${t.certificates.open}</a>${mayEdit && html`<a class="button" href=${href(['invite'])}>${t.invitations.open}</a>`}${mayEdit && data && html`<${AddButton} label=${words.add}
+    <${PageHead} title=${words.title} lead=${words.lead}><a class="button" href=${href(['exams'])}>${t.exams.title}</a>
+      <a class="button" href=${href(['certificates'])}>${t.certificates.open}</a>${mayEdit && html`<a class="button" href=${href(['invite'])}>${t.invitations.open}</a>`}${mayEdit && data && html`<${AddButton} label=${words.add}
       onClick=${edit.add} />`}<//>
     <${ProblemNotice} problem=${problem} onRetry=${reload} />
     <section class="card">

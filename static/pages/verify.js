@@ -53,7 +53,7 @@ function State({ check: { state, state_at: at, reason, marks } }) {
 /** What the certificate says, and no more. @param {Props} props */
 function Content({ content }) {
   if (!content) return null;
-  const { standard, sessions } = content;
+  const { standard, sessions, exam } = content;
   const supervision = session => t.certificate.supervision[session.supervision ?? 'unknown'];
   return html`
     <${Facts} rows=${[
@@ -61,6 +61,9 @@ function Content({ content }) {
       [words.task, content.task],
       [words.how, words.basis[content.basis]],
       [words.rule, standard.rule],
+      [t.exams.examiner, exam?.examiner],
+      [t.exams.identity, exam && t.exams.identities[exam.identity]],
+      [t.exams.allowedUsed, exam && t.exams.used(exam.attempts_used, exam.attempts_allowed)],
       [words.earned, calendarDay(content.earned_on)],
       [words.standard, t.certificate.setOn(standard.version, calendarDay(standard.set_on))],
       [words.issued, `${calendarDay(content.issued_on)}, ${content.issuer}`],
@@ -70,7 +73,7 @@ function Content({ content }) {
     ]} />
     <h2>${words.limits}</h2>
     <ul lang=${content.language}>${standard.limits.map(limit => html`<li key=${limit}>${limit}</li>`)}</ul>
-    <h2>${t.certificate.sessions}</h2>
+    <h2>${exam ? t.exams.attempts : t.certificate.sessions}</h2>
     <div class="scroll"><table><thead><tr><th scope="col">${t.report.number}</th><th scope="col">${t.certificate.date}</th><th scope="col">${t.certificate.supervised}</th></tr></thead>
       <tbody>${sessions.map(session => html`<tr key=${session.number}><th scope="row">${session.number}</th>
         <td>${calendarDay(session.recorded_on)}${!session.day_known && html` <span class="claim">${t.certificate.claimed}</span>`}</td><td>${supervision(session)}</td></tr>`)}</tbody></table></div>`;

@@ -17,9 +17,9 @@ let active = /** @type {any} */ (null);
 
 /**
  * Starts with the camera as it is open. `target` has the ids of trainee, task and box, `names` the same as text for
- * people.
+ * people. For an attempt of an exam, `recording` is the id that the service ordered, and `exam` that of the exam.
  */
-export async function startRecording(stream, { target, names }) {
+export async function startRecording(stream, { target, names, recording = null, exam = null }) {
   const track = stream.getVideoTracks()[0].clone(); // The preview may end without the recording.
   await lockSettings(track, true);
   const { width, height, frameRate = 30 } = track.getSettings();
@@ -31,8 +31,8 @@ export async function startRecording(stream, { target, names }) {
   track.onended = () => stopRecording('camera'); // For browsers where the worker does not see it.
   for (const event of ['mute', 'unmute']) track.addEventListener(event, () => currentRecording && updateRecording({ isMuted: track.muted }));
   updateRecording(null);
-  updateRecording({ phase: 'recording', names, isMuted: track.muted });
-  const beginMessage = { address: api.boxes.feedAddress(target.box), hello: helloOf(target), h264 };
+  updateRecording({ phase: 'recording', names, exam, isMuted: track.muted });
+  const beginMessage = { address: api.boxes.feedAddress(target.box), hello: helloOf(target, recording), h264 };
   if (!transferTrack(worker, track, beginMessage)) {
     active.source = capture(worker, track, beginMessage);
     updateRecording({ isCaptured: true });
@@ -42,10 +42,10 @@ export async function startRecording(stream, { target, names }) {
 }
 
 /** Everything but the picture's size and codec, which depend on the first frame. */
-const helloOf = target => ({
+const helloOf = (target, recording) => ({
   type: 'hello',
   protocol: 1,
-  recording: crypto.randomUUID(), // A page with a camera is a secure context and has it.
+  recording: recording ?? crypto.randomUUID(), // A page with a camera is a secure context and has it.
   trainee: target.trainee,
   task: target.task,
   time_base: [1, TICKS_PER_S],

@@ -18,7 +18,7 @@ const sources = ['src', 'measurement/src'].flatMap(folder =>
 /** Texts that are the same in English and German: names, signs, units and shared words. */
 const SAME_IN_BOTH = new Set([
   'merges.part', 'merges.merged', 'boxAgent.seconds', 'boxScreen.start', 'boxScreen.pin', 'certificates.about', 'verify.person', 'verify.standard',
-  'product', 'nav.wall', 'live.open', 'account.name', 'target.box', 'sessions.box', 'session.box',
+  'product', 'exams.standard', 'nav.wall', 'live.open', 'account.name', 'target.box', 'sessions.box', 'session.box',
   'session.spans.20', 'session.spans.5', 'session.clock', 'session.x', 'session.y', 'session.z',
   'session.speed', 'session.slow', 'session.fast', 'session.off', 'session.toldLive', 'session.formats.csv',
   'session.formats.json', 'session.formats.parquet', 'session.portShift', 'session.noise', 'session.title',

@@ -45,6 +45,8 @@ pub struct Planter {
     pub task: TaskId,
     /// The evidence rows of each result.
     pub evidence: Vec<EvidenceRow>,
+    /// The length of each recording, s.
+    pub duration_s: f64,
 }
 
 impl Planter {
@@ -88,7 +90,7 @@ impl Planter {
         store.jobs().finish_palette(&lease, palette).await.unwrap();
         let calibration = store.calibrations().in_use(&service, in_box).await.unwrap().unwrap().id;
         let palette = store.palettes().in_use(&service, in_box).await.unwrap().unwrap().id;
-        Self { store, in_box, calibration, palette, task, evidence: Vec::new() }
+        Self { store, in_box, calibration, palette, task, evidence: Vec::new(), duration_s: 9.97 }
     }
 
     pub async fn trainee(&self, code: &str) -> TraineeId {
@@ -237,6 +239,18 @@ impl Planter {
         self.finish(&lease, features, (PIPELINE_VERSION, "valid"), None).await;
     }
 
+    /// The same with the verdict of the quality gate.
+    pub async fn finish_next_as(&self, features: Vec<FeatureRow>, verdict: &str) {
+        let lease = self.claim().await;
+        self.finish(&lease, features, (PIPELINE_VERSION, verdict), None).await;
+    }
+
+    /// Fails the next job in the queue.
+    pub async fn fail_next(&self) {
+        let lease = self.claim().await;
+        self.store.jobs().fail(&lease, Problem::new("no-video", "It is no video", "because")).await.unwrap();
+    }
+
     /// Claims the next job in the queue and returns its kind.
     pub async fn next_kind(&self) -> &'static str {
         self.claim().await.job.kind.name()
@@ -282,7 +296,13 @@ impl Planter {
                 model: None,
             },
             edits: 0,
-            video: VideoFacts { width: Some(640), height: Some(480), frames: 300, duration_s: 9.97, clock: None },
+            video: VideoFacts {
+                width: Some(640),
+                height: Some(480),
+                frames: 300,
+                duration_s: self.duration_s,
+                clock: None,
+            },
             tools: vec!["orange".to_owned()],
             features,
             evidence: self.evidence.clone(),
@@ -339,4 +359,19 @@ pub fn measured(name: &str, unit: &str, tool: Option<&str>, space: FeatureSpace,
 /// The duration of a session, s.
 pub fn duration(seconds: f64, half: f64) -> FeatureRow {
     measured("duration", "s", None, FeatureSpace::Space3d, seconds, half)
+}
+
+/// Puts a self-test of a box with this light into the database, as of now. The box has a camera and colours.
+pub async fn plant_self_test(database: &std::path::Path, of: &str, light: &str) {
+    const INSERT: &str = "
+        INSERT INTO self_test (id, box_id, calibration_id, palette_id, pipeline, light, report, created_at_ms)
+        SELECT $1, training_box.id, (SELECT id FROM calibration WHERE box_id = training_box.id LIMIT 1),
+               (SELECT id FROM palette WHERE box_id = training_box.id LIMIT 1), 'x', $3, '{}', $4
+        FROM training_box WHERE code = $2";
+    let options = SqliteConnectOptions::new().filename(database).foreign_keys(true);
+    let mut connection = options.connect().await.unwrap();
+    let now_ms = trocar::time::Clock::now_ms(&SystemClock);
+    let id = trocar::ids::SelfTestId::at(now_ms).to_string();
+    let insert = sqlx::query(INSERT).bind(id).bind(of).bind(light).bind(now_ms);
+    assert_eq!(insert.execute(&mut connection).await.unwrap().rows_affected(), 1);
 }

@@ -16,6 +16,8 @@ declare global {
     distribution: Schemas['Distribution'];
     edit: Schemas['EditResponse'];
     edits: Schemas['EditsResponse'];
+    exam: Schemas['ExamDetails'];
+    exams: Schemas['ExamResponse'][];
     evidence: Schemas['EvidenceResponse'] | null | undefined;
     feature: Schemas['FeatureResponse'];
     form: Schemas['FormInfo'];

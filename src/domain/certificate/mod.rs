@@ -12,6 +12,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use super::exam::IdentityCheck;
 use super::named;
 use super::session::Supervision;
 use super::text::{Invalid, Key, Remark};
@@ -19,6 +20,9 @@ use key::CertificateKeyId;
 
 /// Format of [`CertificateContent`] that this program writes.
 pub const CONTENT_FORMAT: u32 = 1;
+
+/// The format of a certificate of an exam, which has [`CertificateContent::exam`].
+pub const EXAM_FORMAT: u32 = 2;
 
 /// Characters of a code: no letter that is mistaken for a digit.
 const CODE_ALPHABET: &[u8; 32] = b"0123456789abcdefghjkmnpqrstvwxyz";
@@ -87,6 +91,8 @@ named! {
         Rule = "rule",
         /// By the charts.
         Charts = "charts",
+        /// In an exam, by an attempt that met all limits.
+        Exam = "exam",
     }
 }
 
@@ -159,6 +165,9 @@ pub struct CertificateContent {
     pub standard: CertifiedStandard,
     /// How it was met.
     pub basis: CertificateBasis,
+    /// The exam; absent from a certificate that rests on the progress.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exam: Option<CertifiedExam>,
     /// The day on which the standard was met, such as `2026-11-30` (UTC).
     pub earned_on: String,
     /// The sessions that counted.
@@ -174,6 +183,21 @@ pub struct CertificateContent {
     /// Id of the key that signed it.
     #[schema(value_type = String)]
     pub key: CertificateKeyId,
+}
+
+/// The exam of a certificate.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct CertifiedExam {
+    /// The day on which it was started.
+    pub held_on: String,
+    /// Name of the examiner.
+    pub examiner: String,
+    /// How the examiner confirmed who the candidate is.
+    pub identity: IdentityCheck,
+    /// How many attempts were used.
+    pub attempts_used: u32,
+    /// How many attempts the candidate had.
+    pub attempts_allowed: u32,
 }
 
 /// The standard of a certificate.
@@ -192,7 +216,7 @@ pub struct CertifiedStandard {
 /// A session of a certificate.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct CertifiedSession {
-    /// Its number among the person's sessions of the task.
+    /// Its number among the person's sessions of the task; of an exam, the number of the attempt.
     pub number: usize,
     /// The day of its recording (UTC).
     pub recorded_on: String,

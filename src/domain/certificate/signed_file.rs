@@ -142,6 +142,7 @@ pub(crate) mod tests {
                 rule: None,
             },
             basis: CertificateBasis::Charts,
+            exam: None,
             earned_on: "2026-11-30".into(),
             sessions: vec![session],
             program: "0.1.0".into(),

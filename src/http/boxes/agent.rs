@@ -19,7 +19,7 @@ use crate::http::read::{Json, PathKey, reference_problem};
 use crate::http::show::{NamedReference, PageResponse, Time};
 use crate::http::state::App;
 use crate::ids::{BoxId, FeedId, SessionId, TaskId, TraineeId};
-use crate::store::{BoxAgentRecord, BoxCommand, StoreError, TraineeRecord};
+use crate::store::{BoxAgentRecord, BoxCommand, SealedSubject, StoreError, TraineeRecord};
 
 named! {
     /// Whether the agent of a box can be reached.
@@ -137,7 +137,10 @@ impl App {
                 };
                 let is_seen = trainee.is_some() || (is_unnamed && scope.is_staff());
                 let task = self.seen_task(scope, running.task.filter(|_| is_seen)).await?;
-                let session = running.session.filter(|_| trainee.is_some());
+                let session = match running.session.filter(|_| trainee.is_some()) {
+                    Some(session) if !scope.is_staff() && self.is_sealed(session).await? => None,
+                    session => session,
+                };
                 let (recorded_s, frames) = (running.recorded_s, running.frames);
                 Some(BoxRecordingResponse { is_unnamed, trainee, task, session, recorded_s, frames })
             }
@@ -168,6 +171,10 @@ impl App {
         })
     }
 
+    async fn is_sealed(&self, session: SessionId) -> HandlerResult<bool> {
+        Ok(self.store.exams().is_sealed(SealedSubject::Session(session)).await?)
+    }
+
     /// A trainee by name, if the scope sees the trainee.
     async fn seen_trainee(&self, scope: &Scope, id: TraineeId) -> HandlerResult<Option<NamedReference>> {
         match self.store.trainees().get(scope, &Key::from(&id)).await {
@@ -187,7 +194,7 @@ impl App {
     }
 
     /// Fails if a box cannot begin a recording now.
-    async fn check_box_can_record(&self, scope: &Scope, of: BoxId) -> HandlerResult<()> {
+    pub(in crate::http) async fn check_box_can_record(&self, scope: &Scope, of: BoxId) -> HandlerResult<()> {
         let view = self.box_agents.view(of);
         let Some(state) = view.state.filter(|_| view.is_online) else { return Err(silent_box()) };
         if state.recording.is_some() {
@@ -366,6 +373,11 @@ impl App {
         };
         let found = self.store.trainees().get(scope, &key).await.map_err(reference_problem("trainee"))?;
         Ok(NamedTrainee { id: found.id, name: found.name.into() })
+    }
+
+    /// Sends a command to the agent of a box and waits for its answer.
+    pub(in crate::http) async fn command_box(&self, of: BoxId, command: AgentCommand) -> HandlerResult<()> {
+        self.box_agents.command(of, command).await.map_err(command_problem)
     }
 
     /// The task that a request names.

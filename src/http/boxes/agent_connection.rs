@@ -28,7 +28,7 @@ use crate::http::error::{HandlerResult, Refusal};
 use crate::http::read::PathKey;
 use crate::http::state::App;
 use crate::ids::{BoxId, SessionId, TaskId, TraineeId};
-use crate::store::{BoxCommand, PageRequest, StoreError};
+use crate::store::{BoxCommand, PageRequest, SealedSubject, StoreError};
 use crate::time::to_rfc3339;
 
 /// Longest message of an agent, bytes.
@@ -338,6 +338,9 @@ impl App {
 
     /// A recording of the trainee who is checked in. One that the box kept from another trainee is not shown.
     async fn last_recording(&self, by: &CheckIn, session: SessionId) -> HandlerResult<Option<LastRecording>> {
+        if self.store.exams().is_sealed(SealedSubject::Session(session)).await? {
+            return Ok(None); // the candidate reads the screen, also if staff made the check-in
+        }
         let scope = &by.scope;
         let found = match self.store.sessions().get(scope, session).await {
             Ok(found) if found.trainee_id == by.trainee.id => found,

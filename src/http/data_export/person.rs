@@ -13,6 +13,7 @@ use crate::domain::text::{Code, Key, Login, Name};
 use crate::domain::trainee::{Handedness, Level};
 use crate::http::account::SignInEntry;
 use crate::http::certificates::CertificateHistory;
+use crate::http::exams::ExamResponse;
 use crate::http::people::PersonResponse;
 use crate::http::service::AuditChange;
 use crate::http::sessions::{CutResponse, EditsResponse, MoveResponse, SessionResponse, write_edited_csv};
@@ -22,7 +23,8 @@ use crate::http::trainees::{AccessEntryResponse, ConsentResponse, RetentionRespo
 use crate::http::waiting_recordings::{RecordingProposal, WaitingRecordingResponse};
 use crate::ids::{SessionId, TraineeId};
 use crate::store::{
-    CertificateFilter, MergedRecord, PageRequest, SessionFilter, SessionOpening, SessionRecord, TraineeRecord,
+    CertificateFilter, ExamFilter, MergedRecord, PageRequest, SessionFilter, SessionOpening, SessionRecord,
+    TraineeRecord,
 };
 use crate::time::Day;
 use crate::vault::VaultError;
@@ -55,6 +57,8 @@ waiting_recordings.json  recordings that wait for a name, and that the list in t
                    gives to this person
 certificates.json  certificates, with what happened to them
 certificates/      the signed files
+exams.json         exams, with what each attempt was judged by; no figure of
+                   one that is not closed
 box-pin.json       since when the person has a PIN for boxes
 access.json        who opened this person's recordings, and exported them: the newest 10,000 entries; left out in the
                    export of an instructor
@@ -152,6 +156,7 @@ pub(super) fn add(
     archive.add_json(&format!("{below}profile.json"), &job.wait(profile(job, trainee))?)?;
     add_consent(job, trainee, below, archive)?;
     add_certificates(job, trainee, below, archive)?;
+    add_exams(job, trainee, below, archive)?;
     add_sessions(job, trainee.id, &format!("{below}sessions/"), archive)?;
     if !job.has_account(trainee) {
         return Ok(());
@@ -273,6 +278,25 @@ fn add_certificates(
         after = page.next;
         if after.is_none() {
             return archive.add_json(&format!("{below}certificates.json"), &all);
+        }
+    }
+}
+
+/// Adds the exams, as the exporting person may see them.
+fn add_exams(
+    job: &ExportJob,
+    trainee: &TraineeRecord,
+    below: &str,
+    archive: &mut Archive,
+) -> Result<(), ExportFailure> {
+    let filter = ExamFilter { trainee: Some(trainee.id), state: None };
+    let (mut all, mut after) = (Vec::new(), None);
+    loop {
+        let page = job.wait(job.app.store.exams().list(&job.scope, filter, &PageRequest::new(ROUND, after)))?;
+        all.extend(page.items.into_iter().map(ExamResponse::from));
+        after = page.next;
+        if after.is_none() {
+            return archive.add_json(&format!("{below}exams.json"), &all);
         }
     }
 }

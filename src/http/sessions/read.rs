@@ -196,8 +196,9 @@ pub async fn get(State(app): State<App>, by: Member, at: PathKey) -> HandlerResu
     let interruption = app.interruption(&session).await?;
     let setup = app.store.box_versions().of_session(&by.scope, session.id).await?;
     let same = app.store.sessions().same_recordings(&by.scope, session.id).await?;
+    let exam = app.store.exams().of_session(&by.scope, session.id).await?;
     let response = app.judged_session(&by.scope, session).await?.with_interruption(interruption).with_setup(setup);
-    let response = response.with_same_recordings(same, by.scope.is_staff());
+    let response = response.with_same_recordings(same, by.scope.is_staff()).with_exam(exam);
     Ok(Json(response.with_live(live).with_arrival(arrival).with_early_end(early_end)))
 }
 

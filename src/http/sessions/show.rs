@@ -21,9 +21,19 @@ use crate::domain::text::TrackerName;
 use crate::domain::trainee::Handedness;
 use crate::http::error::ProblemDocument;
 use crate::http::show::{NamedReference, Time};
-use crate::ids::{ResultId, SessionId};
+use crate::ids::{ExamId, ResultId, SessionId};
 use crate::live::Interruption;
 use crate::store;
+
+/// The exam that a session is an attempt of. Such a session is never moved, cut, edited or erased alone.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct SessionExam {
+    id: ExamId,
+    /// The number of the attempt.
+    attempt: u32,
+    /// True if the attempt was voided after a technical failure: the session counts nowhere.
+    is_voided: bool,
+}
 
 /// One recording of one trainee doing one task in one box, with its status and results.
 #[derive(Debug, Serialize, ToSchema)]
@@ -56,6 +66,8 @@ pub struct SessionResponse {
     /// Set while a recording with the status `receiving` has no sender. It ends by itself with the frames that arrived,
     /// or earlier by `POST /sessions/{id}/end`.
     interruption: Option<InterruptionResponse>,
+    /// The exam that the session is an attempt of; `null` if it is none, and in lists.
+    exam: Option<SessionExam>,
     /// Why a live recording ended before its sender meant it to; `null` if it did not, and in lists.
     early_end: Option<EarlyEnd>,
     /// True if the session was set aside and counts nowhere. `GET /sessions/{id}/edits` gives person, time and reason.
@@ -330,6 +342,7 @@ impl SessionResponse {
             created_at: Time(session.created_at_ms),
             status,
             interruption: None,
+            exam: None,
             early_end: None,
             set_aside: session.is_set_aside,
             box_question: session.box_question,
@@ -362,6 +375,12 @@ impl SessionResponse {
     /// Adds why a live recording ended early.
     pub fn with_early_end(self, early_end: Option<EarlyEnd>) -> Self {
         Self { early_end, ..self }
+    }
+
+    /// Adds the exam that it is an attempt of.
+    pub fn with_exam(mut self, exam: Option<store::ExamOfSession>) -> Self {
+        self.exam = exam.map(|exam| SessionExam { id: exam.exam_id, attempt: exam.number, is_voided: exam.is_voided });
+        self
     }
 
     /// Adds what is known of a recording whose sender is gone.

@@ -10,6 +10,7 @@ use super::super::comments::scale_comments;
 use super::super::edits::{revision, scale_edits, settle_box_question, time_in_force};
 use super::super::error::StoreResult;
 use super::super::error_sheets::scale_marks;
+use super::super::exams::judge_attempt;
 use super::super::palettes::{self, PaletteRecord};
 use super::super::sessions::evidence;
 use super::super::{StoreError, blobs, self_tests, surroundings};
@@ -72,7 +73,7 @@ impl JobStore<'_> {
                     return Ok(());
                 }
                 enqueue_rescore_if_outdated(tx, session, now_ms, attempts).await?;
-                Ok(())
+                judge_attempt(tx, session, now_ms).await
             })
             .await
     }

@@ -8,6 +8,7 @@
 use sqlx::sqlite::SqliteConnection;
 
 use super::super::audit::note;
+use super::super::exams::refuse_if_running;
 use super::super::jobs::enqueue_waiting_sessions;
 use super::super::session_moves::enqueue_for_box;
 use super::*;
@@ -40,6 +41,14 @@ pub(super) const OF_BOX: &[Followed] = &[
     UPDATE OR IGNORE upload SET box_id = $1
     WHERE box_id = $2 AND id IN (SELECT row_key FROM record_merge_row WHERE merge_id = $3 AND part = $4)",
         count: "SELECT count(*) FROM upload WHERE box_id = $1",
+    },
+    Followed {
+        part: Part::Exams,
+        take: "UPDATE OR IGNORE exam SET box_id = $2 WHERE box_id = $1 RETURNING id",
+        give_back: "
+    UPDATE OR IGNORE exam SET box_id = $1
+    WHERE box_id = $2 AND id IN (SELECT row_key FROM record_merge_row WHERE merge_id = $3 AND part = $4)",
+        count: "SELECT count(*) FROM exam WHERE box_id = $1",
     },
     Followed {
         part: Part::WaitingRecordings,
@@ -233,6 +242,7 @@ impl RecordMergeStore<'_> {
                     return Err(StoreError::refused("the two records are separated already"));
                 }
                 refuse_unready(tx, [kept, kept]).await?;
+                refuse_if_running(tx, [kept, kept]).await?;
                 separate(tx, (&by, &why, now_ms), id, [kept, merged]).await?;
                 let unmeasured = sqlx::query_scalar(SELECT_WITHOUT_RESULT).bind(kept).bind(merged);
                 let unmeasured: Vec<SessionId> = unmeasured.fetch_all(&mut *tx).await?;
@@ -255,6 +265,7 @@ async fn merge(
         return Err(StoreError::refused("both are the same record: choose another one"));
     }
     refuse_unready(tx, [kept, merged]).await?;
+    refuse_if_running(tx, [kept, merged]).await?;
     let twins: i64 = sqlx::query_scalar(COUNT_TWINS).bind(merged).bind(kept).fetch_one(&mut *tx).await?;
     if twins > 0 {
         return Err(StoreError::refused(format!(

@@ -10,6 +10,7 @@ use sqlx::sqlite::SqliteConnection;
 use super::super::audit::note;
 use super::super::consents::state_of;
 use super::super::cookies::DELETE_COOKIES_OF;
+use super::super::exams::refuse_if_running;
 use super::super::password_links::DELETE_LINK_OF;
 use super::super::skill_models;
 use super::*;
@@ -92,6 +93,14 @@ pub(super) const OF_TRAINEE: &[Followed] = &[
     UPDATE OR IGNORE certificate SET trainee_id = $1
     WHERE trainee_id = $2 AND id IN (SELECT row_key FROM record_merge_row WHERE merge_id = $3 AND part = $4)",
         count: "SELECT count(*) FROM certificate WHERE trainee_id = $1",
+    },
+    Followed {
+        part: Part::Exams,
+        take: "UPDATE OR IGNORE exam SET trainee_id = $2 WHERE trainee_id = $1 RETURNING id",
+        give_back: "
+    UPDATE OR IGNORE exam SET trainee_id = $1
+    WHERE trainee_id = $2 AND id IN (SELECT row_key FROM record_merge_row WHERE merge_id = $3 AND part = $4)",
+        count: "SELECT count(*) FROM exam WHERE trainee_id = $1",
     },
     Followed {
         part: Part::WaitingRecordings,
@@ -325,6 +334,7 @@ impl RecordMergeStore<'_> {
                     return Err(StoreError::refused("the two records are separated already"));
                 }
                 refuse_hidden(tx, [kept, kept]).await?;
+                refuse_if_running(tx, [kept, kept]).await?;
                 separate(tx, (&by, &why, now_ms), id, [kept, merged]).await?;
                 note(tx, &by, now_ms, ("separate", "trainee"), kept).await
             })
@@ -344,6 +354,7 @@ async fn merge(
         return Err(StoreError::refused("both are the same record: choose another one"));
     }
     refuse_hidden(tx, [kept, merged]).await?;
+    refuse_if_running(tx, [kept, merged]).await?;
     if sqlx::query_scalar(SELECT_RECEIVING).bind(merged).fetch_one(&mut *tx).await? {
         return Err(StoreError::refused(
             "a recording of the person is still arriving: wait until it is complete, then merge the records",

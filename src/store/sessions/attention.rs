@@ -38,6 +38,7 @@ const SELECT_REFUSED: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
       AND session.verdict = 'refused'
       AND NOT EXISTS (SELECT 1 FROM dismissed_session AS dismissed
                       WHERE dismissed.session_id = session.id AND dismissed.kind = 'refused'
@@ -54,6 +55,7 @@ const SELECT_BOX_ASKED: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
       AND NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id)
       AND NOT EXISTS (SELECT 1 FROM dismissed_session AS dismissed
                       WHERE dismissed.session_id = session.id AND dismissed.kind = 'box_asked'
@@ -70,6 +72,7 @@ const SELECT_UNRATED: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
       AND session.verdict IS NOT 'refused' AND session.tracker IS NULL
       AND NOT EXISTS (SELECT 1 FROM rating WHERE rating.session_id = session.id)
       AND session.task_id IN (SELECT rated.task_id FROM rating JOIN session AS rated ON rated.id = rating.session_id

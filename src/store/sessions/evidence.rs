@@ -18,7 +18,8 @@ const SELECT_EVIDENCE: &str = "
     WHERE session.id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))";
 
 const INSERT_EVIDENCE: &str = "INSERT INTO evidence (result_id, rows) VALUES ($1, $2)";
 

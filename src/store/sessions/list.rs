@@ -53,6 +53,7 @@ const SELECT_BY_ARRIVAL: &str = "
     WHERE ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session_record.id NOT IN (SELECT session_id FROM sealed_session))
       AND ($3 IS NULL OR $3 IN (trainee_id, trainee_code))
       AND ($4 IS NULL OR $4 IN (task_id, task_code))
       AND ($5 IS NULL OR $5 IN (box_id, box_code))
@@ -83,6 +84,7 @@ pub(in crate::store) const SELECT_BY_RECORDING: &str = "
     WHERE ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session_record.id NOT IN (SELECT session_id FROM sealed_session))
       AND ($3 IS NULL OR $3 IN (trainee_id, trainee_code))
       AND ($4 IS NULL OR $4 IN (task_id, task_code))
       AND ($5 IS NULL OR $5 IN (box_id, box_code))
@@ -116,7 +118,8 @@ const COUNT_SESSIONS: &str = "
          JOIN training_box ON training_box.id = box_id
          WHERE ($1 = 'administrator'
                 OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-           AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee)))
+           AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+           AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session)))
     SELECT (SELECT count(*) FROM seen) AS \"all\",
            (SELECT count(*) FROM seen
             WHERE ($3 IS NULL OR $3 IN (trainee_id, trainee_code))

@@ -34,6 +34,7 @@ pub(super) use write::{
 };
 
 use super::error::{StoreResult, not_found};
+use super::exams::SealedSubject;
 use super::visibility::{BindScope, TraineeAudience};
 use super::{Scope, Store};
 use crate::domain::blob::{Blob, BlobHash};
@@ -195,7 +196,8 @@ const SELECT_SESSION: &str = "
     WHERE id = $3
       AND ($1 = 'administrator'
            OR trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
+      AND ($2 IS 'service' OR trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session_record.id NOT IN (SELECT session_id FROM sealed_session))";
 
 impl SessionStore<'_> {
     /// One session.
@@ -210,7 +212,7 @@ impl SessionStore<'_> {
     /// One session, for all the people who may see it.
     pub async fn shared(&self, id: SessionId) -> StoreResult<SharedSession> {
         let record = self.get(&Scope::service(), id).await?;
-        let audience = self.0.trainees().audience(record.trainee_id).await?;
+        let audience = self.0.exams().audience(SealedSubject::Session(id), record.trainee_id).await?;
         Ok(SharedSession { record, audience })
     }
 }

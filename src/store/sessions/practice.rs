@@ -1,5 +1,5 @@
 //! A trainee's sessions of one task over time, with the features of their latest results. One query reads the sessions
-//! and one the features.
+//! and one the features. Attempts of an exam are among them once it is closed, for all callers.
 
 use std::collections::HashMap;
 
@@ -135,12 +135,14 @@ pub(in crate::store) const SELECT_PRACTICE: &str = "
            (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms,
            (SELECT left_tool FROM result WHERE result.id = session.result_id) AS left_tool,
            (SELECT right_tool FROM result WHERE result.id = session.result_id) AS right_tool,
-           (SELECT count(*) FROM session WHERE trainee_id = $3 AND task_id = $4) AS in_all
+           (SELECT count(*) FROM session WHERE trainee_id = $3 AND task_id = $4
+            AND id NOT IN (SELECT session_id FROM sealed_session)) AS in_all
     FROM practised_session AS session
     WHERE session.trainee_id = $3 AND session.task_id = $4
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND session.id NOT IN (SELECT session_id FROM sealed_session)
     ORDER BY session.recorded_at_ms DESC, session.id DESC LIMIT $5";
 
 /// Selects the last `$4` sessions of each pair of a trainee and a task in `$3` (a JSON array), newest first.
@@ -148,7 +150,8 @@ pub(in crate::store) const SELECT_PRACTICE_OF_MANY: &str = "
     WITH pair AS MATERIALIZED
         (SELECT value ->> 'trainee' AS trainee, value ->> 'task' AS task,
                 (SELECT count(*) FROM session AS every WHERE every.trainee_id = wanted.value ->> 'trainee'
-                 AND every.task_id = wanted.value ->> 'task') AS in_all
+                 AND every.task_id = wanted.value ->> 'task'
+                 AND every.id NOT IN (SELECT session_id FROM sealed_session)) AS in_all
          FROM json_each($3) AS wanted)
     SELECT session.*,
            (SELECT stored.recorded_at_source FROM session AS stored WHERE stored.id = session.id) AS recorded_at_source,
@@ -160,10 +163,12 @@ pub(in crate::store) const SELECT_PRACTICE_OF_MANY: &str = "
     FROM pair
     CROSS JOIN practised_session AS session ON session.id IN
         (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = pair.trainee AND recent.task_id = pair.task
+         AND recent.id NOT IN (SELECT session_id FROM sealed_session)
          ORDER BY recent.recorded_at_ms DESC, recent.id DESC LIMIT $4)
     WHERE ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND session.id NOT IN (SELECT session_id FROM sealed_session)
     ORDER BY session.recorded_at_ms DESC, session.id DESC";
 
 /// Selects the features named in `$2` of the results `$1`, both JSON arrays. By default, SQLite would read all features
@@ -178,6 +183,7 @@ const SELECT_TRAINEE_TASKS: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND session.id NOT IN (SELECT session_id FROM sealed_session)
     GROUP BY trainee_id, task_id ORDER BY max(recorded_at_ms) DESC LIMIT $4";
 
 const SELECT_TRAINEES_OF_TASK: &str = "
@@ -186,6 +192,7 @@ const SELECT_TRAINEES_OF_TASK: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND session.id NOT IN (SELECT session_id FROM sealed_session)
     GROUP BY trainee_id ORDER BY max(recorded_at_ms) DESC LIMIT $4";
 
 const SELECT_LAST_TASK: &str = "
@@ -194,6 +201,7 @@ const SELECT_LAST_TASK: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND session.id NOT IN (SELECT session_id FROM sealed_session)
     ORDER BY recorded_at_ms DESC, id DESC LIMIT 1";
 
 impl SessionStore<'_> {

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 use sqlx::FromRow;
-use sqlx::sqlite::SqliteRow;
+use sqlx::sqlite::{SqliteConnection, SqliteRow};
 use sqlx::types::Json;
 
 use super::super::edits;
@@ -105,14 +105,16 @@ const SELECT_SESSION_RESULT: &str = "
     WHERE result.session_id = $3
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))";
 
 const SELECT_RESULT: &str = "
     SELECT result.* FROM result JOIN session ON session.id = result.session_id
     WHERE result.session_id = $3 AND result.id = $4
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
-      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))";
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))";
 
 const SELECT_RESULTS: &str = "
     SELECT result.* FROM result JOIN session ON session.id = result.session_id
@@ -120,6 +122,7 @@ const SELECT_RESULTS: &str = "
       AND ($1 = 'administrator'
            OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
     ORDER BY result.id = (SELECT current.id FROM current_result AS current WHERE current.session_id = $3) DESC,
              result.rowid DESC LIMIT $4";
 
@@ -219,6 +222,11 @@ impl SessionStore<'_> {
         let rows = sqlx::query_as(SELECT_FEATURES);
         Ok(rows.bind(result).fetch_all(self.0.readers()).await?)
     }
+}
+
+/// The features of a result, in the order of display.
+pub(in crate::store) async fn features_of(tx: &mut SqliteConnection, result: ResultId) -> StoreResult<Vec<FeatureRow>> {
+    Ok(sqlx::query_as(SELECT_FEATURES).bind(result).fetch_all(tx).await?)
 }
 
 impl SessionResultRow {

@@ -52,6 +52,7 @@ const SELECT_SAME_ELSEWHERE: &str = "
       AND ($1 = 'administrator'
            OR other.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
       AND ($2 IS 'service' OR other.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR other.id NOT IN (SELECT session_id FROM sealed_session))
     ORDER BY other.created_at_ms, other.id LIMIT $4";
 
 const SELECT_IS_ELSEWHERE: &str = "

@@ -3,6 +3,7 @@
 use super::super::audit::note;
 use super::super::certificates;
 use super::super::error::{StoreResult, not_found};
+use super::super::exams::refuse_if_of_exam;
 use super::super::visibility::require_staff;
 use super::{SessionRecord, SessionStore};
 use crate::domain::certificate::CertificateEventKind;
@@ -27,6 +28,7 @@ impl SessionStore<'_> {
             if supervised { (Supervision::Marked, "supervise") } else { (Supervision::None, "unsupervise") };
         self.0
             .write(async move |tx| {
+                refuse_if_of_exam(tx, id).await?;
                 let update = sqlx::query(UPDATE_SUPERVISION).bind(id).bind(supervision).bind(by.person()).bind(now_ms);
                 if update.execute(&mut *tx).await?.rows_affected() == 0 {
                     return Err(not_found("session"));

@@ -7,6 +7,7 @@ use super::super::audit::note;
 use super::super::columns::Insert;
 use super::super::consents::require_consent;
 use super::super::error::{StoreError, StoreResult, missing, not_found};
+use super::super::exams::refuse_if_of_exam;
 use super::super::jobs::{self, enqueue_track};
 use super::super::retention::forget_box_jobs_of_session;
 use super::super::sender_limits::check_day;
@@ -192,6 +193,9 @@ impl SessionStore<'_> {
             .write_with_delete_reserve(|| {
                 let scope = scope.clone();
                 async move |tx| {
+                    if !scope.is_service() {
+                        refuse_if_of_exam(tx, id).await?;
+                    }
                     skill_models::withdraw_of_session(tx, id, now_ms).await?;
                     forget_box_jobs_of_session(tx, id).await?;
                     // A repeated erasure names each twin itself: in the restored backup, records may be merged that were

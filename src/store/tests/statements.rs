@@ -142,6 +142,41 @@ fn every_statement_on_trainees_in_a_scope_leaves_out_hidden_ones() {
     assert!(checked >= 20, "only {checked} statements were found");
 }
 
+/// Statements that read sessions in a scope, except those that only staff may run or that read counted sessions only.
+#[test]
+fn every_statement_on_sessions_in_a_scope_leaves_out_sealed_ones() {
+    let of_staff_or_counted = [
+        "SELECT_BLIND_RATINGS",
+        "SELECT_BLIND_SHEETS",
+        "SELECT_RATED_RESULTS",
+        "SELECT_FIRST_STEPS",
+        "SELECT_VALUES",
+        "SELECT_MOVES",      // after the session itself was read in the scope
+        "SELECT_DISMISSALS", // of staff, with numbers of sessions only
+        "SELECT_PENDING",    // of administrators, with numbers of sessions only
+    ];
+    let mut checked = 0;
+    for FileStatements { file, named, .. } in statements() {
+        for (name, text) in &named {
+            let reads =
+                ["session", "session_record", "practised_session", "assessed_session", "current_result", "result"];
+            let reads_sessions = reads.iter().any(|table| {
+                [" ", "\n", ","].iter().any(|end| {
+                    text.contains(&format!("FROM {table}{end}")) || text.contains(&format!("JOIN {table}{end}"))
+                })
+            });
+            let is_scoped = text.contains("FROM visible_trainee") || text.contains("FROM visible_job");
+            if !is_scoped || !reads_sessions || of_staff_or_counted.contains(&name.as_str()) {
+                continue;
+            }
+            let is_sealed = text.contains("FROM sealed_session") || text.contains("FROM visible_job");
+            assert!(is_sealed, "{file}: {name}: see `exams/seal.rs`");
+            checked += 1;
+        }
+    }
+    assert!(checked >= 20, "only {checked} statements were found");
+}
+
 #[test]
 fn statements_that_are_no_constants_are_found() {
     let named = FileStatements::of("x.rs", "const A: &str = \"\n SELECT 1\"; fn f() { sqlx::query(A); }");

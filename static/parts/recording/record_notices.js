@@ -62,9 +62,10 @@ function useScored(id) {
 }
 
 /** The result of the recording, and the next actions. */
-function Outcome({ recording: { phase, code, session, names, kept } }) {
-  const scored = useScored(phase === 'ended' || phase === 'shortened' ? session : null);
-  const openLink = session && html`<a class="button main" href=${href(['sessions', session])}>${words.open}</a>`;
+function Outcome({ recording: { phase, code, session, names, kept, exam } }) {
+  // The candidate of an exam, who may stand before this screen, sees no result.
+  const scored = useScored(!exam && (phase === 'ended' || phase === 'shortened') ? session : null);
+  const openLink = exam ? html`<a class="button main" href=${href(['exams', exam])}>${t.exams.back}</a>` : session && html`<a class="button main" href=${href(['sessions', session])}>${words.open}</a>`;
   const dismissButton = label => html`<button class="button" type="button" onClick=${discardRecording}>${label}</button>`;
   if (phase === 'nothing') return html`<${Notice} tone="warn" title=${words.nothing}>${words.nothingBody}<//>`;
   if (phase === 'ended')

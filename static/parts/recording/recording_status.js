@@ -24,6 +24,7 @@ export const RecordingStatus = ({ recording, watch }) => html`
       <div class="body">
         <${LightState} watch=${watch} /><${PlacementState} watch=${watch} /><${LearningBox} watch=${watch} />
       </div>`
+    : recording.exam ? html`<${Empty} title=${t.exams.sealed} body=${t.exams.noFigures} />`
     : html`<${Untracked} recording=${recording} watch=${watch} />`}
   </section>
   <section class="card">

@@ -20,6 +20,7 @@ mod documents;
 mod edits;
 mod erasures;
 mod error_sheets;
+mod exams;
 mod exchange;
 mod feedback;
 pub mod full_disk;

@@ -183,18 +183,32 @@ impl FilledCentre {
                 return Subject::of(text(group));
             }
             "certificate" => return Subject::of(self.certificate(side).await),
+            "exam" => return Subject::of(self.exam(side).await),
             _ => return self.make_of_session(kind, side, caller, number).await,
         };
         Subject::of(text(&self.centre.administrator.make(&format!("/api/v1/{noun}"), body).await["id"]))
     }
 
-    /// The certificate of Ada, or of Bob.
-    async fn certificate(&self, side: usize) -> String {
+    /// An exam of Ada, or of Bob.
+    async fn exam(&self, side: usize) -> String {
         let administrator = &self.centre.administrator;
+        self.set_standard().await;
+        let trainee = ["ada", "bob"][side];
+        let new = json!({"trainee": trainee, "task": "task-one", "box": "box-one", "attempts": 1});
+        text(&administrator.make("/api/v1/exams", new).await["id"])
+    }
+
+    async fn set_standard(&self) {
         let by = json!({"method": "fixed", "limit": 500.0, "unit": "s"});
         let standard =
             json!({"targets": [{"feature": "duration", "by": by}], "rule": {"in_a_row": 1}, "valid_from": "beginning"});
-        administrator.make("/api/v1/tasks/task-one/standards", standard).await;
+        self.centre.administrator.make("/api/v1/tasks/task-one/standards", standard).await;
+    }
+
+    /// The certificate of Ada, or of Bob.
+    async fn certificate(&self, side: usize) -> String {
+        let administrator = &self.centre.administrator;
+        self.set_standard().await;
         import(administrator, ["ada", "bob"][side], 100 + side as u32).await;
         let path = format!("/api/v1/trainees/{}/certificates", ["ada", "bob"][side]);
         text(

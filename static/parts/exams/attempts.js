@@ -1,0 +1,51 @@
+// The attempts of an exam: what each was judged as, and by which values.
+import { html } from '../../preact.js';
+import { dateTime, number, unit } from '../../format.js';
+import { href } from '../../router.js';
+import { t } from '../../texts.js';
+import { featureWithTool } from '../../translate.js';
+
+const words = t.exams;
+const TONES = { passed: 'good', not_passed: 'bad', undecided: 'warn', refused: 'warn', failed: 'warn' };
+
+/** `onVoid`: for administrators, while an attempt can be voided. @param {Props} props */
+export const Attempts = ({ exam, onVoid = null }) => html`
+  <section class="card">
+    <header><h2>${words.attempts}</h2><span class="muted">${words.used(exam.attempts_used, exam.attempts_allowed)}</span></header>
+    <div class="body stack">
+      ${!exam.attempts.length && html`<p class="muted">${words.noAttempts}</p>`}
+      ${exam.attempts.map(attempt => html`<${Attempt} key=${attempt.number} attempt=${attempt} onVoid=${onVoid} />`)}
+    </div>
+  </section>`;
+
+/** @param {Props} props */
+function Attempt({ attempt, onVoid }) {
+  const { number: at, state, outcome, cause, session, voided_at: voided, void_reason: why, voided_by: who } = attempt;
+  return html`
+    <article class="stack tight">
+      <h3>${words.attempt(at)} ${outcome ? html`<span class=${`pill ${TONES[outcome]}`}>${words.outcomes[outcome]}</span>`
+        : html`<span class="pill">${words.attemptStates[state]}</span>`}${voided && html` <span class="pill">${words.voided}</span>`}</h3>
+      <p class="small muted">${dateTime(attempt.began_at)}${session && html` · <a href=${href(['sessions', session])}>${words.session}</a>`}</p>
+      ${cause && html`<p class="small">${words.causes[cause]}</p>`}
+      ${!cause && outcome && words.outcomeBodies[outcome] && html`<p class="small">${words.outcomeBodies[outcome]}</p>`}
+      ${voided && html`<p class="small">${words.voidedOn(dateTime(voided), who)} ${why && html`<span class="said">${why}</span>`}</p>`}
+      ${attempt.figures.length > 0 && html`<${Figures} figures=${attempt.figures} />`}
+      ${onVoid && !voided && state !== 'recording' && html`<p><button class="button" type="button" onClick=${() => onVoid(attempt)}>${words.void}</button></p>`}
+    </article>`;
+}
+
+/** @param {Props} props */
+const Figures = ({ figures }) => html`
+  <div class="scroll"><table class="table dense">
+    <thead><tr><th scope="col">${words.feature}</th><th scope="col">${words.limit}</th><th scope="col">${words.value}</th><th scope="col">${words.range}</th><th scope="col">${words.judgement}</th></tr></thead>
+    <tbody>${figures.map(figure => html`<tr key=${featureWithTool(figure)}><th scope="row">${featureWithTool(figure)}</th>
+      <td>${words.limits[figure.better](withUnit(figure.limit, figure))}</td><td>${withUnit(figure.value, figure)}</td>
+      <td>${rangeOf(figure)}</td><td>${words.judgements[figure.judgement]}</td></tr>`)}</tbody></table></div>`;
+
+const withUnit = (value, { unit: of }) => (typeof value === 'number' ? [number(value), unit(of)].filter(Boolean).join(' ') : '–');
+
+/** A value without an upper end is a lower bound. */
+function rangeOf({ low, high }) {
+  if (typeof low !== 'number') return '–';
+  return typeof high === 'number' ? `${number(low)} – ${number(high)}` : words.atLeast(number(low));
+}
