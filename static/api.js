@@ -424,7 +424,7 @@ export const api = {
     /** Orders the recording of the next attempt. @param {string} id @param {ApiBody<'POST', ['exams', string, 'attempts']>} json */
     record: (id, json) => request('POST', ['exams', id, 'attempts'], { json }),
     /** @param {string} id @param {number} number @param {ApiBody<'POST', ['exams', string, 'attempts', string, 'void']>} json */
-    void: (id, number, json) => request('POST', ['exams', id, 'attempts', `${number}`, 'void'], { json }),
+    void: (id, number, json) => request('POST', ['exams', id, 'attempts', String(number), 'void'], { json }),
     /** @param {string} id */
     close: id => request('POST', ['exams', id, 'close']),
     /** @param {string} id @param {ApiBody<'POST', ['exams', string, 'certificates']>} json */

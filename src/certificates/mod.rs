@@ -159,8 +159,8 @@ impl Certificates {
         };
         let shown = CertifiedSession {
             number: attempt.number as usize,
-            recorded_on: words::day_of(session.recorded_at_ms),
-            day_known: session.date_known,
+            recorded_on: words::day_of(attempt.began_at_ms),
+            day_known: true,
             supervision: session.supervision,
         };
         Ok(CertificateFacts {

@@ -183,7 +183,7 @@ pub(super) fn how(content: &CertificateContent) -> String {
     format!("{how} {when}").trim().to_owned()
 }
 
-/// When and how the person was examined, and by which standard.
+/// When and how the person was examined, and the standard.
 fn how_examined(content: &CertificateContent, exam: &CertifiedExam) -> String {
     let (language, standard) = (content.language, &content.standard);
     let (on, set, version) = (day(language, &exam.held_on), day(language, &standard.set_on), standard.version);

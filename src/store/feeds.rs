@@ -354,9 +354,10 @@ async fn insert(tx: &mut SqliteConnection, scope: &Scope, new: NewFeed, now_ms: 
     require_consent(tx, new.trainee, now_ms).await?;
     let attempt = begin_attempt(tx, scope, &new).await?;
     let (id, session) = (new.id, SessionId::at(now_ms));
-    let (recorded_at_ms, recorded_at_source) = match new.is_push {
-        true => (new.began_at_ms, RecordedAtSource::Arrival), // the service itself noted the beginning of the push
-        false => start_of_recording(new.began_at_ms, now_ms),
+    let (recorded_at_ms, recorded_at_source) = match (new.is_push, attempt) {
+        (true, _) => (new.began_at_ms, RecordedAtSource::Arrival), // the service itself noted the beginning of the push
+        (false, Some(_)) => (now_ms, RecordedAtSource::Arrival),   // no sender says when an exam was held
+        (false, None) => start_of_recording(new.began_at_ms, now_ms),
     };
     if !new.is_push && is_clock_wrong(new.began_at_ms, now_ms) {
         let stated = to_rfc3339(new.began_at_ms);

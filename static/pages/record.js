@@ -41,8 +41,8 @@ function ExamRecorder({ id, person, route }) {
   return html`<${Recorder} person=${person} route=${{ ...route, query: fixed }} exam=${exam} />`;
 }
 
-/** @param {Props} props */
-function Recorder({ person, route, exam = null }) {
+/** @param {{ person: Props['person'], route: Props['route'], exam?: Props['exam'] }} props */
+function Recorder({ person, route, exam }) {
   const target = useRecordingTarget({ person, route });
   const recording = useRecording();
   const box = target.chosen.box;
@@ -60,14 +60,15 @@ function Recorder({ person, route, exam = null }) {
   const startedAt = useRef(-Infinity);
   const start = async () => {
     setStartRefused(!target.ids);
-    if (!target.ids || !camera.stream) return;
+    const { stream } = camera;
+    if (!target.ids || !stream) return;
     setProblem(null);
     setStarting(true);
     startedAt.current = performance.now();
     const { ids, names } = target;
     const begin = async () => {
       const ordered = exam && (await api.exams.record(exam.id, { way: 'browser' }));
-      await startRecording(camera.stream, { target: ids, names, recording: ordered?.recording, exam: exam?.id });
+      await startRecording(stream, { target: ids, names, recording: ordered?.recording, exam: exam?.id });
     };
     await begin().catch(error => setProblem(asProblem(error)));
     setStarting(false);
@@ -99,7 +100,7 @@ function Recorder({ person, route, exam = null }) {
           <${RecordNotices} recording=${recording} />
           ${!isBusy && html`<${InterruptedRecordings} />`}
           ${isBusy && html`<${RecordingStatus} recording=${recording} watch=${watch} />`}
-          ${!isBusy && html`<${Setup} isFixed=${exam !== null} target=${target} camera=${camera} calibrated=${calibrated} box=${box}
+          ${!isBusy && html`<${Setup} isFixed=${Boolean(exam)} target=${target} camera=${camera} calibrated=${calibrated} box=${box}
             person=${person} />`}
         </div>
       </div>

@@ -18,8 +18,11 @@ let active = /** @type {any} */ (null);
 /**
  * Starts with the camera as it is open. `target` has the ids of trainee, task and box, `names` the same as text for
  * people. For an attempt of an exam, `recording` is the id that the service ordered, and `exam` that of the exam.
+ *
+ * @param {MediaStream} stream
+ * @param {{ target: any, names: string, recording?: string, exam?: string }} what
  */
-export async function startRecording(stream, { target, names, recording = null, exam = null }) {
+export async function startRecording(stream, { target, names, recording, exam }) {
   const track = stream.getVideoTracks()[0].clone(); // The preview may end without the recording.
   await lockSettings(track, true);
   const { width, height, frameRate = 30 } = track.getSettings();

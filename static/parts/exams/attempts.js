@@ -1,4 +1,4 @@
-// The attempts of an exam: what each was judged as, and by which values.
+// The attempts of an exam: what each was judged as, and the values that decided.
 import { html } from '../../preact.js';
 import { dateTime, number, unit } from '../../format.js';
 import { href } from '../../router.js';

@@ -23,6 +23,7 @@ export const ExamList = ({ exams, withNames = false }) => html`
       <p class="small muted">${[whenOf(exam), exam.box.name, words.used(exam.attempts_used, exam.attempts_allowed)].join(' · ')}</p></div>
       <${ExamPill} exam=${exam} /></li>`)}</ul>`;
 
+/** @param {Schemas['ExamResponse']} exam */
 function whenOf({ state, day, started_at: started, ended_at: ended, planned_at: planned }) {
   if (state === 'closed') return words.closedOn(date(ended));
   if (state === 'cancelled') return words.cancelledOn(date(ended));

@@ -144,7 +144,7 @@ async fn an_exam_is_planned_started_recorded_closed_and_certified() {
     let supervised = instructor.read(&format!("/api/v1/sessions/{session}")).await;
     assert_eq!((&supervised["supervised_by"], &supervised["exam"]["attempt"]), (&json!("ines"), &json!(2)));
     let more = problem(instructor.post(&format!("{exam}/attempts"), json!({"way": "browser"})).await, 409, "conflict");
-    assert!(detail(&more.await).contains("all attempts"));
+    assert!(detail(&more.await).contains("All attempts"));
 
     let closed = of.close(&exam).await;
     assert_eq!((&closed["result"], &closed["attempts_used"]), (&json!("passed"), &json!(2)));
@@ -325,7 +325,7 @@ async fn an_administrator_gives_an_attempt_back_after_a_failure() {
         .map(|step| (&step["trial"], step["id"] == voided.as_str()))
         .collect();
     assert_eq!(trials.len(), 2, "{progress}");
-    assert!(trials.iter().all(|(trial, is_voided)| *is_voided == (**trial != json!("pass"))), "{progress}");
+    assert!(trials.iter().all(|(trial, is_voided)| *is_voided == (**trial != json!("passed"))), "{progress}");
 }
 
 /// The answer to a request for the live view.
