@@ -11,7 +11,6 @@ import { Attempts } from '../parts/exams/attempts.js';
 import { ExamPill } from '../parts/exams/exam_list.js';
 import { Confirm, Dialog } from '../parts/forms/dialog.js';
 import { Form } from '../parts/forms/form.js';
-import { Facts } from '../parts/page/report.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
 import { CertificatesCard } from '../parts/people/certificates.js';
 
@@ -40,7 +39,8 @@ export default function Exam({ person, route }) {
       <${ProblemNotice} problem=${problem} onRetry=${reload} />
       ${!isStaff && exam.state === 'running' && html`<${Notice} tone="busy" title=${words.sealed}>${words.sealedBody}<//>`}
       ${exam.result && html`<${Notice} tone=${{ passed: 'good', not_passed: 'bad', undecided: 'warn' }[exam.result]} title=${words.results[exam.result]}>${words.resultBodies[exam.result]}<//>`}
-      <section class="card"><header><h2>${words.fixed}</h2></header><div class="body"><${Facts} rows=${factsOf(exam)} /></div></section>
+      <section class="card"><header><h2>${words.fixed}</h2></header><div class="body"><dl class="facts">${factsOf(exam).filter(([, value]) => value).map(([name, value]) => html`
+        <dt>${name}</dt><dd>${value}</dd>`)}</dl></div></section>
       ${isStaff && exam.state === 'planned' && html`<${Start} exam=${exam} onChange=${reload} />`}
       ${isStaff && exam.state === 'running' && html`<${Run} exam=${exam} onChange=${reload} />`}
       ${exam.state !== 'planned' && html`<${Attempts} exam=${exam} onVoid=${mayVoid ? setVoiding : null} />`}

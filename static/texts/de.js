@@ -3872,6 +3872,7 @@ export default {
       'method-not-allowed': ['Diese Adresse kennt keine solche Anfrage'],
       'too-slow': ['Die Daten kamen zu langsam'],
       conflict: ['Das geht im jetzigen Zustand nicht', problem => NO_MODEL[problem.reason]?.(problem)],
+      'exam-session': ['Ein Versuch einer Prüfung wird nie bearbeitet', 'Diese Sitzung ist ein Versuch einer Prüfung: Sie kann nicht verschoben, geschnitten, verbunden, bearbeitet, markiert oder gelöscht werden. Die Administration kann den Versuch streichen, solange die Prüfung läuft; mit allen Daten der Person wird auch er gelöscht.'],
       taken: ['Der Name ist vergeben', 'Wählen Sie einen anderen.'],
       'duplicate-recording': ['Diese Aufnahme wurde schon gesendet', 'Dieselbe Aufnahme für Lernende/n und Aufgabe ist bereits eine Sitzung.'],
       'in-use': ['Etwas bezieht sich noch darauf'],

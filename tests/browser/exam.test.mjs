@@ -4,7 +4,7 @@
 // Environment: as person.mjs, TROCAR_PROGRAM, TROCAR_CLIP (what the box's camera sees), TROCAR_SELF_TEST (a clip of the same
 // box with a board of 9x6 corners and 21 mm), TROCAR_BOX (the name of the box).
 import assert from 'node:assert/strict';
-import { spawn } from 'node:child_process';
+import { execFileSync, spawn } from 'node:child_process';
 import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
@@ -91,14 +91,19 @@ test('staff plan an exam, and it starts only in a box that was tested today', as
 
 test('the agent of the box records the attempt, and the candidate sees no figure', async () => {
   const args = ['agent', 'stand-by', '--server', url, '--box', made.box.code, '--token-file', join(folder, 'token'), '--spool', join(folder, 'spool')];
-  agent = spawn(requiredEnv('TROCAR_PROGRAM'), [...args, requiredEnv('TROCAR_CLIP')], { stdio: ['ignore', 'ignore', 'inherit'] });
+  const camera = join(folder, 'camera.mp4'); // Without the end of the clip, which would be a camera that is pulled out.
+  execFileSync('ffmpeg', ['-v', 'error', '-stream_loop', '40', '-i', requiredEnv('TROCAR_CLIP'), '-c', 'copy', camera]);
+  agent = spawn(requiredEnv('TROCAR_PROGRAM'), [...args, camera], { stdio: ['ignore', 'ignore', 'inherit'] });
   await waitUntil(async () => (await admin.getJson(`boxes/${made.box.id}/agent`)).camera?.is_open, 'the camera of the box');
   await button(admin, 'Record attempt 1 at the box').click({ timeout: timeoutMs });
   await admin.page.locator('.pill', { hasText: 'Recording' }).waitFor({ timeout: timeoutMs });
   await waitUntil(async () => (await admin.getJson(`boxes/${made.box.id}/agent`)).recording?.frames > 75, 'three seconds of frames');
   await admin.takePictures('recording');
   await button(admin, 'End the recording').click();
-  await admin.page.locator('article .pill', { hasText: 'Passed' }).waitFor({ timeout: timeoutMs });
+  const attempt = async () => (await admin.getJson(made.exam.slice(1))).attempts[0];
+  await waitUntil(async () => (await attempt()).state === 'judged', 'the judgement');
+  assert.equal((await attempt()).outcome, 'passed', JSON.stringify(await attempt()));
+  await admin.page.locator('article .pill', { hasText: 'Passed' }).waitFor();
   await admin.page.locator('td', { hasText: 'at most 1,000 s' }).waitFor();
   await admin.checkLooks('judged');
   await candidate.page.goto(url + made.exam);
