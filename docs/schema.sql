@@ -289,7 +289,7 @@ CREATE TABLE exam_attempt (
     outcome       TEXT CHECK (outcome IN ('passed', 'not_passed', 'undecided', 'refused', 'failed')), -- AttemptOutcome; NULL: not judged yet
     cause         TEXT CHECK (cause IN ('error_bar', 'not_measured', 'other_box', 'not_live')), -- AttemptCause: why it is undecided
     pipeline      TEXT CHECK (length(pipeline) >= 1),                        -- version of the measurement that was judged
-    figures       TEXT CHECK (json_valid(figures)),                          -- what was judged, by which limits (JudgedFigure)
+    figures       TEXT CHECK (json_valid(figures)),                          -- the values and limits that were judged (JudgedFigure)
     judged_at_ms  INTEGER CHECK (judged_at_ms >= 0),                         -- when, epoch ms
     voided_by     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who voided it; NULL: not voided, or deleted
     void_reason   TEXT CHECK (length(void_reason) BETWEEN 1 AND 2000),       -- why
