@@ -78,7 +78,7 @@ named! {
 named! {
     /// Why an attempt is undecided.
     AttemptCause: "cause" {
-        /// The limit lies within the error bar of a value.
+        /// The limit lies within the error bar of a value, or only the least value is known.
         ErrorBar = "error_bar",
         /// A value that a limit needs could not be measured, or its error is unknown.
         NotMeasured = "not_measured",

@@ -3185,7 +3185,7 @@ export default {
       failed: 'Es wurde nichts aufgenommen, oder die Aufnahme ließ sich nicht messen.',
     },
     causes: {
-      error_bar: 'Ein Grenzwert liegt innerhalb des Fehlerbalkens eines Werts.',
+      error_bar: 'Ein Grenzwert liegt innerhalb des Fehlerbalkens eines Werts, oder von einem Wert ist nur das Mindeste bekannt.',
       not_measured: 'Ein Wert, den ein Grenzwert braucht, ließ sich nicht messen, oder sein Fehler ist unbekannt.',
       other_box: 'Die Aufnahme zeigt vielleicht eine andere Box.',
       not_live: 'Die Aufnahme ist länger als die Zeit seit ihrem Beginn; sie wurde also nicht dann gemacht.',

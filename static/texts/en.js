@@ -3035,7 +3035,7 @@ export default {
       failed: 'Nothing was recorded, or the recording could not be measured.',
     },
     causes: {
-      error_bar: 'A limit lies within the error bar of a value.',
+      error_bar: 'A limit lies within the error bar of a value, or of a value only the least is known.',
       not_measured: 'A value that a limit needs could not be measured, or its error is unknown.',
       other_box: 'The recording may show another box.',
       not_live: 'The recording is longer than the time since it was started, so it was not made then.',

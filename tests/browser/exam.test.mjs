@@ -55,7 +55,9 @@ test('staff plan an exam, and it starts only in a box that was tested today', as
   await admin.page.locator('header.top nav').waitFor();
   made.box = (await admin.getJson('boxes?limit=200')).items.find(box => box.name === requiredEnv('TROCAR_BOX'));
   made.task = await admin.create('tasks', { name: `Exam pegs ${mark}` });
-  const targets = [{ feature: 'duration', by: { method: 'fixed', limit: 1000, unit: 's' } }];
+  // No time: a recording that begins and ends in a movement has only a least duration, which passes no limit.
+  const [{ tools }] = (await admin.getJson(`boxes/${made.box.id}/palettes`)).items;
+  const targets = [{ feature: 'jitter', tool: tools[0].name, by: { method: 'fixed', limit: 1_000_000, unit: 'mm/s²' } }];
   await admin.create(`tasks/${made.task.id}/standards`, { targets });
   made.edda = await admin.create('trainees', { name: NAME });
   await admin.create('people', { login: `edda-${mark}`, name: NAME, role: 'trainee', password: SECRET, trainee: made.edda.id });
@@ -104,7 +106,7 @@ test('the agent of the box records the attempt, and the candidate sees no figure
   await waitUntil(async () => (await attempt()).state === 'judged', 'the judgement');
   assert.equal((await attempt()).outcome, 'passed', JSON.stringify(await attempt()));
   await admin.page.locator('article .pill', { hasText: 'Passed' }).waitFor();
-  await admin.page.locator('td', { hasText: 'at most 1,000 s' }).waitFor();
+  await admin.page.locator('td', { hasText: 'at most 1,000,000 mm/s²' }).waitFor();
   await admin.checkLooks('judged');
   await candidate.page.goto(url + made.exam);
   await candidate.signIn(SECRET, `edda-${mark}`);
@@ -122,7 +124,7 @@ test('the exam is closed, the candidate sees the result, and the certificate say
   await admin.page.getByText('An attempt met all limits').waitFor();
   await candidate.open(made.exam);
   await candidate.page.getByText('An attempt met all limits').waitFor();
-  await candidate.page.locator('td', { hasText: 'at most 1,000 s' }).waitFor();
+  await candidate.page.locator('td', { hasText: 'at most 1,000,000 mm/s²' }).waitFor();
   await candidate.takePictures('closed');
   await candidate.page.getByRole('link', { name: 'Session', exact: true }).click();
   await candidate.page.getByText('This is attempt 1 of an exam').waitFor();
