@@ -310,7 +310,7 @@ pub async fn order(
         app.store.box_agents().note_command(&by.scope, &by.scope, BoxCommand::Start, about).await?;
         let trainee = NamedTrainee { id: exam.trainee_id, name: exam.trainee_name.into() };
         let task = NamedTask { id: exam.task_id, name: exam.task_name.into() };
-        app.command_box(exam.box_id, AgentCommand::Start(recording, trainee, task)).await?;
+        app.command_box(exam.box_id, AgentCommand::Start(recording, Some(trainee), Some(task))).await?;
     }
     Ok(Created { location: format!("/api/v1/exams/{}", exam.id), made: OrderedAttempt { recording } })
 }
