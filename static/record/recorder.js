@@ -20,7 +20,7 @@ let active = /** @type {any} */ (null);
  * people. For an attempt of an exam, `recording` is the id that the service ordered, and `exam` that of the exam.
  *
  * @param {MediaStream} stream
- * @param {{ target: any, names: string, recording?: string, exam?: string }} what
+ * @param {{ target: any, names: string | null, recording?: string, exam?: string }} what
  */
 export async function startRecording(stream, { target, names, recording, exam }) {
   const track = stream.getVideoTracks()[0].clone(); // The preview may end without the recording.
