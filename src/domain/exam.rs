@@ -1,7 +1,8 @@
 //! Exams: a task taken under supervision, and judged once by the version of the standard that was fixed before.
 //!
-//! An exam is passed when one of its attempts meets all limits of the standard, error bars included. The standard's rule
-//! for several sessions is one of training and does not apply: an examination is a single performance, as in FLS, and
+//! An exam is passed when one of its attempts was completed and meets all limits of the standard, error bars included. A
+//! recording cannot say whether the task was completed, and a short one meets each limit that is a most: the examiner says
+//! it. The standard's rule for several sessions is one of training and does not apply: an examination is a single performance, as in FLS, and
 //! further attempts are chances to show it.
 
 use serde::{Deserialize, Serialize};
@@ -40,9 +41,10 @@ named! {
     ExamResult: "result" {
         /// An attempt met the standard.
         Passed = "passed",
-        /// Every attempt that counts missed the standard.
+        /// No attempt met the standard, at least one missed it or was broken off, and none of the others leaves a doubt
+        /// that is no fault of the candidate.
         NotPassed = "not_passed",
-        /// No attempt met the standard, and at least one could not be judged.
+        /// No attempt met the standard, and it cannot be said that the candidate missed it.
         Undecided = "undecided",
     }
 }
@@ -84,8 +86,22 @@ named! {
         NotMeasured = "not_measured",
         /// The recording may show another box.
         OtherBox = "other_box",
+        /// It was measured with another camera or other tape colours than the self-test tested.
+        SetUp = "set_up",
+        /// The recording ended early: camera, line or a person elsewhere ended it, or the consent.
+        Interrupted = "interrupted",
         /// The recording is longer than the time since it was ordered, so it was not made then.
         NotLive = "not_live",
+    }
+}
+
+named! {
+    /// What the examiner says of an attempt: no recording shows it.
+    AttemptCompletion: "completion" {
+        /// The task was completed.
+        Completed = "completed",
+        /// It was broken off: not passed, whatever the figures say.
+        BrokenOff = "broken_off",
     }
 }
 
@@ -146,7 +162,7 @@ pub struct NewExam {
     /// How many attempts the candidate has, 1 to 3.
     #[schema(minimum = 1, maximum = 3)]
     pub attempts: u32,
-    /// The day on which it is to be held; absent: not said.
+    /// A note of the day on which it is to be held; absent: none.
     #[serde(default)]
     pub day: Option<Day>,
 }
@@ -189,6 +205,14 @@ pub struct VoidReason {
     pub reason: Remark,
 }
 
+/// Whether the task of an attempt was completed.
+#[derive(Clone, Copy, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CompletionStatement {
+    /// What the examiner saw.
+    pub completion: AttemptCompletion,
+}
+
 /// A value of an attempt, judged by a limit. It stays as it is when the session is scored again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct JudgedFigure {
@@ -225,7 +249,7 @@ pub struct AttemptResult<'r> {
     pub features: &'r [FeatureRow],
     /// The tools in the hands.
     pub hands: &'r ToolHands,
-    /// The candidate's preferred hand, if known.
+    /// The candidate's preferred hand at the start of the exam, if known.
     pub handedness: Option<Handedness>,
     /// Version of the program that measured them.
     pub pipeline: &'r str,
@@ -233,6 +257,10 @@ pub struct AttemptResult<'r> {
     pub is_refused: bool,
     /// True if the recording may show another box.
     pub may_be_other_box: bool,
+    /// True if it was measured with the camera and tape colours that the self-test tested.
+    pub has_tested_set_up: bool,
+    /// True if the recording ended early.
+    pub is_interrupted: bool,
     /// Length of the recording, s.
     pub duration_s: f64,
     /// Time from the order of the recording to its complete arrival, s.
@@ -259,10 +287,14 @@ pub fn judge(standard: &StandardDefinition, of: AttemptResult<'_>) -> AttemptJud
     let is_late = of.duration_s > of.since_order_s + LIVE_TOLERANCE_S;
     let (outcome, cause) = if of.is_refused {
         (AttemptOutcome::Refused, None)
+    } else if of.is_interrupted {
+        (AttemptOutcome::Undecided, Some(AttemptCause::Interrupted))
     } else if is_late {
         (AttemptOutcome::Undecided, Some(AttemptCause::NotLive))
     } else if of.may_be_other_box {
         (AttemptOutcome::Undecided, Some(AttemptCause::OtherBox))
+    } else if !of.has_tested_set_up {
+        (AttemptOutcome::Undecided, Some(AttemptCause::SetUp))
     } else {
         match whole {
             SessionJudgement::Pass => (AttemptOutcome::Passed, None),
@@ -305,16 +337,55 @@ fn judged_figure(named: &Target, target: &Target, of: AttemptResult<'_>) -> Judg
     }
 }
 
-/// The result of an exam from the outcomes of the attempts that count; `None` without one.
-pub fn result_of(outcomes: &[AttemptOutcome]) -> Option<ExamResult> {
-    if outcomes.is_empty() {
+/// An attempt that counts, as the result of its exam depends on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CountedAttempt {
+    /// What its recording was judged as.
+    pub outcome: AttemptOutcome,
+    /// Why it is undecided.
+    pub cause: Option<AttemptCause>,
+    /// What the examiner says of it.
+    pub completion: AttemptCompletion,
+}
+
+impl CountedAttempt {
+    /// True if it was completed and met the standard.
+    pub fn is_passed(self) -> bool {
+        self.completion == AttemptCompletion::Completed && self.outcome == AttemptOutcome::Passed
+    }
+
+    /// True if it missed the standard, or was broken off.
+    fn is_missed(self) -> bool {
+        self.completion == AttemptCompletion::BrokenOff || self.outcome == AttemptOutcome::NotPassed
+    }
+
+    /// True if it was completed and only the measurement or the box leaves open whether it met the standard.
+    fn is_in_doubt(self) -> bool {
+        let is_of_measurement = self.cause.is_some_and(|cause| match cause {
+            AttemptCause::ErrorBar | AttemptCause::NotMeasured | AttemptCause::OtherBox | AttemptCause::SetUp => true,
+            AttemptCause::Interrupted | AttemptCause::NotLive => false,
+        });
+        self.completion == AttemptCompletion::Completed
+            && self.outcome == AttemptOutcome::Undecided
+            && is_of_measurement
+    }
+}
+
+/// The result of an exam from the attempts that count; `None` without one.
+///
+/// Once an attempt has missed the standard, one without a usable recording is used without a pass: a candidate who has
+/// failed could otherwise cover the camera in the next attempt and have no result. Without an attempt that missed it, nothing
+/// says that the candidate failed, so the exam is undecided.
+pub fn result_of(attempts: &[CountedAttempt]) -> Option<ExamResult> {
+    if attempts.is_empty() {
         return None;
     }
-    if outcomes.contains(&AttemptOutcome::Passed) {
+    if attempts.iter().any(|attempt| attempt.is_passed()) {
         return Some(ExamResult::Passed);
     }
-    let is_missed = outcomes.iter().all(|outcome| *outcome == AttemptOutcome::NotPassed);
-    Some(if is_missed { ExamResult::NotPassed } else { ExamResult::Undecided })
+    let is_missed = attempts.iter().any(|attempt| attempt.is_missed());
+    let is_in_doubt = attempts.iter().any(|attempt| attempt.is_in_doubt());
+    Some(if is_missed && !is_in_doubt { ExamResult::NotPassed } else { ExamResult::Undecided })
 }
 
 #[cfg(test)]
@@ -356,6 +427,8 @@ mod tests {
             pipeline: "1",
             is_refused: false,
             may_be_other_box: false,
+            has_tested_set_up: true,
+            is_interrupted: false,
             duration_s: 60.0,
             since_order_s: 70.0,
         };
@@ -384,23 +457,50 @@ mod tests {
         let good = [row(Ok(40.0), 2.0)];
         assert_eq!(judged(&good, |of| of.is_refused = true).outcome, AttemptOutcome::Refused);
         assert_eq!(judged(&good, |of| of.may_be_other_box = true).cause, Some(AttemptCause::OtherBox));
+        assert_eq!(judged(&good, |of| of.has_tested_set_up = false).cause, Some(AttemptCause::SetUp));
+        let interrupted = judged(&good, |of| of.is_interrupted = true);
+        assert_eq!(
+            (interrupted.outcome, interrupted.cause),
+            (AttemptOutcome::Undecided, Some(AttemptCause::Interrupted))
+        );
         assert_eq!(judged(&good, |of| of.since_order_s = 54.9).cause, Some(AttemptCause::NotLive));
         assert_eq!(judged(&good, |of| of.since_order_s = 55.1).outcome, AttemptOutcome::Passed);
     }
 
+    fn counted(outcome: AttemptOutcome, cause: Option<AttemptCause>, completion: AttemptCompletion) -> CountedAttempt {
+        CountedAttempt { outcome, cause, completion }
+    }
+
     #[test]
-    fn one_pass_passes_and_doubt_is_no_failure() {
+    fn one_completed_pass_passes_and_doubt_of_the_measurement_is_no_failure() {
+        use AttemptCause::{ErrorBar, Interrupted, NotLive, NotMeasured, OtherBox, SetUp};
+        use AttemptCompletion::{BrokenOff, Completed};
         use AttemptOutcome::{Failed, NotPassed, Passed, Refused, Undecided};
-        for (outcomes, result) in [
-            (vec![], None),
-            (vec![NotPassed, Passed], Some(ExamResult::Passed)),
-            (vec![Failed, Passed], Some(ExamResult::Passed)),
-            (vec![NotPassed, NotPassed], Some(ExamResult::NotPassed)),
-            (vec![NotPassed, Undecided], Some(ExamResult::Undecided)),
-            (vec![Refused], Some(ExamResult::Undecided)),
-            (vec![Failed], Some(ExamResult::Undecided)),
+        let done = |outcome| counted(outcome, None, Completed);
+        let doubt = |cause| counted(Undecided, Some(cause), Completed);
+        let broken = |outcome| counted(outcome, None, BrokenOff);
+        let (pass, miss) = (done(Passed), done(NotPassed));
+        assert_eq!(result_of(&[]), None);
+        for (attempts, result) in [
+            (vec![miss, pass], ExamResult::Passed),
+            (vec![done(Failed), pass], ExamResult::Passed),
+            (vec![broken(Passed), pass], ExamResult::Passed),
+            (vec![miss, miss], ExamResult::NotPassed),
+            (vec![broken(Passed)], ExamResult::NotPassed),
+            (vec![broken(Failed)], ExamResult::NotPassed),
+            (vec![done(Refused)], ExamResult::Undecided),
+            (vec![done(Failed), done(Refused)], ExamResult::Undecided),
+            (vec![doubt(Interrupted)], ExamResult::Undecided),
+            (vec![miss, done(Refused)], ExamResult::NotPassed),
+            (vec![miss, done(Failed)], ExamResult::NotPassed),
+            (vec![miss, doubt(Interrupted)], ExamResult::NotPassed),
+            (vec![miss, doubt(NotLive)], ExamResult::NotPassed),
+            (vec![miss, counted(Undecided, Some(ErrorBar), BrokenOff)], ExamResult::NotPassed),
         ] {
-            assert_eq!(result_of(&outcomes), result, "{outcomes:?}");
+            assert_eq!(result_of(&attempts), Some(result), "{attempts:?}");
+        }
+        for cause in [ErrorBar, NotMeasured, OtherBox, SetUp] {
+            assert_eq!(result_of(&[miss, doubt(cause)]), Some(ExamResult::Undecided), "{cause:?}");
         }
     }
 }

@@ -8,24 +8,25 @@ use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
 
 use super::auth::signed_in::{Administrator, BySignIn, Member, Staff};
+use super::boxes::agent::command_problem;
 use super::certificates::CertificateResponse;
 use super::error::{HandlerResult, ProblemResponse, Refusal};
 use super::read::{Json, Params, PathKey, PathPair, reference_problem};
 use super::show::{Created, NamedReference, PageResponse, Paging, Time};
 use super::state::App;
-use crate::box_agents::AgentCommand;
+use crate::box_agents::{AgentCommand, CommandError};
 use crate::domain::box_agent::messages::{NamedTask, NamedTrainee};
 use crate::domain::box_agent::self_test_need::SelfTestReason;
 use crate::domain::certificate::CertificateLanguage;
 use crate::domain::exam::{
-    AttemptCause, AttemptOutcome, AttemptState, ExamBoxProblem, ExamResult, ExamStart, ExamState, IdentityCheck,
-    JudgedFigure, NewAttempt, NewExam, RecordingWay, VoidReason,
+    AttemptCause, AttemptCompletion, AttemptOutcome, AttemptState, CompletionStatement, ExamBoxProblem, ExamResult,
+    ExamStart, ExamState, IdentityCheck, JudgedFigure, NewAttempt, NewExam, RecordingWay, VoidReason,
 };
 use crate::domain::scope::Scope;
 use crate::domain::self_test::TrafficLight;
 use crate::domain::text::{Key, Name, Remark};
 use crate::ids::{BoxId, ExamId, FeedId, SelfTestId, SessionId};
-use crate::store::{AttemptRecord, BoxCommand, ExamFilter, ExamRecord, PlannedExam};
+use crate::store::{AttemptRecord, BoxCommand, ExamFilter, ExamRecord, PlannedExam, WaitingAttempt};
 use crate::time::{Day, start_of_day_ms};
 
 /// An exam.
@@ -43,7 +44,7 @@ pub struct ExamResponse {
     attempts_allowed: u32,
     /// How many of them are used.
     attempts_used: u32,
-    /// The day on which it is to be held; `null`: not said.
+    /// A note of the day on which it is to be held; nothing enforces it. `null`: none.
     day: Option<Day>,
     state: ExamState,
     /// Name of the person who planned it; `null` if deleted.
@@ -87,6 +88,9 @@ pub struct AttemptResponse {
     /// The values and limits that were judged. They stay when the session is scored again.
     figures: Vec<JudgedFigure>,
     judged_at: Option<Time>,
+    /// What the examiner says of it; `null`: not said yet, and while it is sealed. One that was broken off is not passed,
+    /// whatever the outcome of its recording.
+    completion: Option<AttemptCompletion>,
     /// When it was voided after a technical failure; `null`: it counts.
     voided_at: Option<Time>,
     /// Name of the person who voided it; `null` for trainees.
@@ -102,10 +106,22 @@ pub struct AttemptResponse {
 pub struct ExamDetails {
     #[serde(flatten)]
     exam: ExamResponse,
-    /// Whether the box may be used for an exam now; `null` for trainees, and once the exam has been started.
+    /// Whether the box may be used for an exam now; `null` for trainees, and once the exam has ended.
     box_check: Option<ExamBoxCheck>,
     /// True if the agent that stands by at the box can record an attempt now.
     has_agent: bool,
+    /// The recordings that were ordered and have not begun, the newest first; empty for trainees, and once the exam has ended.
+    waiting: Vec<WaitingAttemptResponse>,
+}
+
+/// A recording that was ordered for an exam and has not begun.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct WaitingAttemptResponse {
+    ordered_at: Time,
+    /// False if a later order replaced it: it is refused when it begins to arrive.
+    may_begin: bool,
+    /// True if the agent of the box reports that it records it.
+    is_recording: bool,
 }
 
 /// Whether a box may be used for an exam now.
@@ -134,6 +150,7 @@ impl From<AttemptRecord> for AttemptResponse {
             pipeline: attempt.pipeline,
             figures: attempt.figures.unwrap_or_default(),
             judged_at: attempt.judged_at_ms.map(Time),
+            completion: attempt.completion,
             voided_at: attempt.voided_at_ms.map(Time),
             voided_by: attempt.voided_by,
             void_reason: attempt.void_reason,
@@ -267,14 +284,7 @@ pub async fn start(
     if exam.state != ExamState::Planned {
         return Err(Refusal::Conflict.with("The exam has begun or ended already. Look at it again."));
     }
-    let (check, self_test) = app.exam_box_check(&by.scope, exam.box_id).await?;
-    let Some(self_test) = self_test.filter(|_| check.is_ready) else {
-        let problems: Vec<&str> = check.problems.iter().map(|problem| problem.name()).collect();
-        return Err(Refusal::Conflict
-            .with("The box needs a self-test before the exam. Run it on the page of the box, then start the exam.")
-            .member("box_problems", problems)
-            .member("box", exam.box_id.to_string()));
-    };
+    let self_test = app.ready_exam_box(&by.scope, exam.box_id).await?;
     let exam = app.store.exams().start(&by.scope, exam.id, identity, self_test).await?;
     app.exam_details(&by.scope, exam).await
 }
@@ -290,7 +300,7 @@ pub struct OrderedAttempt {
 ///
 /// With `agent`, the agent of the box begins at once. With `browser`, the answer names the `recording` that the page sends
 /// live. The attempt is used when that recording begins to arrive; a later order replaces one that has not begun. A file
-/// is never an attempt.
+/// is never an attempt. The box is checked as at the start. Refused while the box still records one that was ordered before.
 #[utoipa::path(post, path = "/exams/{id}/attempts", tag = "exams", params(("id" = String, Path, description = "id")),
     request_body = NewAttempt, responses((status = CREATED, body = OrderedAttempt)))]
 pub async fn order(
@@ -301,18 +311,37 @@ pub async fn order(
 ) -> HandlerResult<Created<OrderedAttempt>> {
     let exam = app.store.exams().get(&by.scope, at.id()?).await?;
     app.store.consents().require(&by.scope, exam.trainee_id).await?;
-    if way == RecordingWay::Agent && exam.state == ExamState::Running {
+    if exam.state != ExamState::Running {
+        return Err(Refusal::Conflict.with("The exam is not running, so no attempt can be recorded."));
+    }
+    if way == RecordingWay::Agent {
         app.check_box_can_record(&by.scope, exam.box_id).await?;
     }
-    let recording = app.store.exams().order(&by.scope, exam.id).await?;
+    app.refuse_while_recorded(&by.scope, &exam).await?;
+    let self_test = app.ready_exam_box(&by.scope, exam.box_id).await?;
+    let recording = app.store.exams().order(&by.scope, exam.id, self_test).await?;
+    let id = exam.id;
     if way == RecordingWay::Agent {
-        let about = (exam.box_id, exam.trainee_id);
-        app.store.box_agents().note_command(&by.scope, &by.scope, BoxCommand::Start, about).await?;
-        let trainee = NamedTrainee { id: exam.trainee_id, name: exam.trainee_name.into() };
-        let task = NamedTask { id: exam.task_id, name: exam.task_name.into() };
-        app.command_box(exam.box_id, AgentCommand::Start(recording, Some(trainee), Some(task))).await?;
+        app.record_at_box(&by.scope, exam, recording).await?;
     }
-    Ok(Created { location: format!("/api/v1/exams/{}", exam.id), made: OrderedAttempt { recording } })
+    Ok(Created { location: format!("/api/v1/exams/{id}"), made: OrderedAttempt { recording } })
+}
+
+/// Say whether the task of an attempt was completed
+///
+/// No recording shows it, so the examiner says it, before the exam is closed. An attempt that was broken off is not passed.
+/// A token does not suffice.
+#[utoipa::path(put, path = "/exams/{id}/attempts/{number}/completion", tag = "exams",
+    params(("id" = String, Path, description = "id"), ("number" = u32, Path, description = "number of the attempt")),
+    request_body = CompletionStatement, responses((status = OK, body = ExamDetails)))]
+pub async fn set_completion(
+    State(app): State<App>,
+    BySignIn(by): BySignIn<Staff>,
+    PathPair(id, number): PathPair<ExamId, u32>,
+    Json(CompletionStatement { completion }): Json<CompletionStatement>,
+) -> HandlerResult<Json<ExamDetails>> {
+    let exam = app.store.exams().set_completion(&by.scope, id, number, completion).await?;
+    app.exam_details(&by.scope, exam).await
 }
 
 /// Void an attempt after a technical failure
@@ -333,7 +362,7 @@ pub async fn void(
 
 /// Close an exam
 ///
-/// Each attempt must be judged. From then on the candidate sees result and figures, and nothing of the exam changes any
+/// Each attempt must be judged, and called completed or broken off. From then on the candidate sees result and figures, and nothing of the exam changes any
 /// more. Attempts that are left are lost. A token does not suffice.
 #[utoipa::path(post, path = "/exams/{id}/close", tag = "exams", params(("id" = String, Path, description = "id")),
     responses((status = OK, body = ExamDetails)))]
@@ -374,13 +403,75 @@ pub async fn issue(
 
 impl App {
     async fn exam_details(&self, scope: &Scope, exam: ExamRecord) -> HandlerResult<Json<ExamDetails>> {
-        let needs_check = scope.is_staff() && exam.state == ExamState::Planned;
-        let box_check = match needs_check {
-            true => Some(self.exam_box_check(scope, exam.box_id).await?.0),
-            false => None,
+        let is_open = matches!(exam.state, ExamState::Planned | ExamState::Running);
+        let (box_check, waiting) = match scope.is_staff() && is_open {
+            true => (
+                Some(self.exam_box_check(scope, exam.box_id).await?.0),
+                self.store.exams().waiting(scope, exam.id).await?,
+            ),
+            false => (None, Vec::new()),
         };
+        let recorded = self.recorded_by_box(exam.box_id);
+        let shown = |attempt: WaitingAttempt| WaitingAttemptResponse {
+            ordered_at: Time(attempt.ordered_at_ms),
+            may_begin: attempt.may_begin,
+            is_recording: recorded == Some(attempt.recording_id),
+        };
+        let waiting = waiting.into_iter().map(shown).collect();
         let has_agent = scope.is_staff() && self.box_agents.view(exam.box_id).is_online;
-        Ok(Json(ExamDetails { exam: exam.into(), box_check, has_agent }))
+        Ok(Json(ExamDetails { exam: exam.into(), box_check, has_agent, waiting }))
+    }
+
+    /// The recording that the agent of a box reports.
+    fn recorded_by_box(&self, of: BoxId) -> Option<FeedId> {
+        let view = self.box_agents.view(of);
+        let recording = view.state.filter(|_| view.is_online).and_then(|state| state.recording);
+        recording.map(|recording| recording.recording)
+    }
+
+    /// Refuses another order while the box records one that was ordered before and has not arrived: it would be refused when
+    /// it arrives.
+    async fn refuse_while_recorded(&self, scope: &Scope, exam: &ExamRecord) -> HandlerResult<()> {
+        let recorded = self.recorded_by_box(exam.box_id);
+        let waiting = self.store.exams().waiting(scope, exam.id).await?;
+        match waiting.iter().any(|attempt| attempt.may_begin && recorded == Some(attempt.recording_id)) {
+            true => Err(Refusal::Conflict.with(
+                "The box records the attempt that was started before; its first frames have not arrived yet. End that \
+                 recording first.",
+            )),
+            false => Ok(()),
+        }
+    }
+
+    /// Makes the agent of the box record an attempt. If the agent did not get the order or refused it, the order is taken
+    /// back, so that one before it stays valid. Without an answer it stays: the agent may have begun, and a recording
+    /// without an order would be an ordinary session, open to the candidate.
+    async fn record_at_box(&self, scope: &Scope, exam: ExamRecord, recording: FeedId) -> HandlerResult<()> {
+        let about = (exam.box_id, exam.trainee_id);
+        self.store.box_agents().note_command(scope, scope, BoxCommand::Start, about).await?;
+        let trainee = NamedTrainee { id: exam.trainee_id, name: exam.trainee_name.into() };
+        let task = NamedTask { id: exam.task_id, name: exam.task_name.into() };
+        let command = AgentCommand::Start(recording, Some(trainee), Some(task));
+        let Err(error) = self.box_agents.command(exam.box_id, command).await else { return Ok(()) };
+        if error != CommandError::NoAnswer {
+            self.store.exams().take_back(scope, exam.id, recording).await?;
+        }
+        Err(command_problem(error))
+    }
+
+    /// The self-test that lets a box be used for an exam now.
+    ///
+    /// # Errors
+    /// The box needs a self-test first.
+    async fn ready_exam_box(&self, scope: &Scope, of: BoxId) -> HandlerResult<SelfTestId> {
+        let (check, self_test) = self.exam_box_check(scope, of).await?;
+        self_test.filter(|_| check.is_ready).ok_or_else(|| {
+            let problems: Vec<&str> = check.problems.iter().map(|problem| problem.name()).collect();
+            Refusal::Conflict
+                .with("The box needs a self-test first. Run it on the page of the box, then go on with the exam.")
+                .member("box_problems", problems)
+                .member("box", of.to_string())
+        })
     }
 
     /// Whether a box may be used for an exam now, and the self-test that says so.

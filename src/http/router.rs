@@ -265,6 +265,7 @@ fn exam_routes() -> OpenApiRouter<App> {
         .routes(routes!(exams::cancel))
         .routes(routes!(exams::start))
         .routes(routes!(exams::order))
+        .routes(routes!(exams::set_completion))
         .routes(routes!(exams::void))
         .routes(routes!(exams::close))
         .routes(routes!(exams::issue))

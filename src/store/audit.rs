@@ -38,8 +38,8 @@ pub struct AuditEntry {
     pub who: Option<String>,
     /// Name of the changed thing or of the person it belongs to; `None` if it no longer exists or has no name.
     pub called: Option<String>,
-    /// The reason that the person gave for an edit or a move of a session, or for merging or separating records; `None`
-    /// otherwise, and if the session or record was erased.
+    /// The reason that the person gave for an edit or a move of a session, for voiding an attempt of an exam, or for merging
+    /// or separating records; `None` otherwise, and if the session, exam or record was erased.
     pub why: Option<String>,
     /// Address of the client that sent the request; `None` for the service and for commands, for changes before it was
     /// recorded, and if the account has been deleted.
@@ -107,6 +107,8 @@ const SELECT_ENTRIES: &str = "
         WHEN noun IN ('trainee', 'box') AND action = 'separate' THEN
             (SELECT separated_why FROM record_merge
              WHERE subject IN (kept_trainee_id, kept_box_id) AND separated_at_ms = at_ms LIMIT 1)
+        WHEN noun = 'exam' AND action = 'void attempt' THEN
+            (SELECT void_reason FROM exam_attempt WHERE exam_id = subject AND voided_at_ms = at_ms LIMIT 1)
         WHEN noun = 'session' THEN
             coalesce((SELECT why FROM session_move
                       WHERE action = 'move' AND session_id = subject AND created_at_ms = at_ms),

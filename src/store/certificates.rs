@@ -198,6 +198,10 @@ const SELECT_COUNTED: &str = "
     SELECT count(*) FROM assessed_session
     WHERE id IN (SELECT value FROM json_each($1)) AND trainee_id = $2 AND task_id = $3 AND verdict <> 'refused'";
 
+const SELECT_IS_PASSED: &str = "
+    SELECT EXISTS (SELECT 1 FROM exam
+                   WHERE id = $1 AND trainee_id = $2 AND task_id = $3 AND state = 'closed' AND result = 'passed')";
+
 const INSERT_CERTIFICATE: &str = "
     INSERT INTO certificate (id, code, trainee_id, task_id, standard_version, language, content, pdf, key_id, person_id,
                              issued_at_ms, state, state_at_ms, exam_id)
@@ -457,6 +461,14 @@ async fn refuse_unfit(tx: &mut SqliteConnection, issued: &IssuedCertificate) -> 
         return Err(StoreError::refused(
             "this certificate was issued already: download it, or let an administrator withdraw it first",
         ));
+    }
+    if let Some(exam) = exam {
+        // The stored judgement of a closed exam stays, whatever becomes of the session's present result.
+        let passed = sqlx::query_scalar(SELECT_IS_PASSED).bind(exam).bind(trainee).bind(task);
+        return match passed.fetch_one(tx).await? {
+            true => Ok(()),
+            false => Err(StoreError::refused("the exam was not passed by this person: look at it again")),
+        };
     }
     let counted = sqlx::query_scalar(SELECT_COUNTED).bind(Json(sessions)).bind(trainee).bind(task);
     let counted: i64 = counted.fetch_one(&mut *tx).await?;

@@ -15,7 +15,7 @@ use crate::domain::certificate::{CertificateCode, CertificateEventKind, Certific
 use crate::domain::consent::{ConsentDecision, ConsentMeans};
 use crate::domain::edit::EditKind;
 use crate::domain::erasure::ErasedKind;
-use crate::domain::exam::{AttemptCause, AttemptOutcome, ExamResult, ExamState, IdentityCheck};
+use crate::domain::exam::{AttemptCause, AttemptCompletion, AttemptOutcome, ExamResult, ExamState, IdentityCheck};
 use crate::domain::feed::FrameCodec;
 use crate::domain::feed::early_end::EarlyEndCause;
 use crate::domain::files::annotations::View;
@@ -92,7 +92,7 @@ as_shown! {
     WaitingRecordingId RecordingSource
     CertificateId CertificateCode CertificateKeyId CertificateLanguage CertificateState CertificateEventKind
     MergeId MergedPart CutId
-    ExamId ExamState ExamResult IdentityCheck AttemptOutcome AttemptCause
+    ExamId ExamState ExamResult IdentityCheck AttemptOutcome AttemptCause AttemptCompletion
 }
 
 as_stored! {

@@ -417,10 +417,11 @@ const SETTLE_BOX_QUESTION: &str = "
                        AND undone_at_ms IS NULL) THEN 'this_box'
         WHEN (SELECT json_extract(quality, '$.recording.box.finding') FROM current_result
               WHERE session_id = $1) = 'doubtful' THEN 'asked' END
-    WHERE id = $1";
+    WHERE id = $1
+      AND NOT EXISTS (SELECT 1 FROM exam_attempt WHERE session_id = $1 AND outcome IS NOT NULL)";
 
 /// Sets whether a person has to say, or has said, that the session's recording shows its box. Called after each new
-/// result, each edit and each move to another box.
+/// result, each edit and each move to another box. Of a judged attempt of an exam the question stays as it was judged: no person can answer it.
 pub(super) async fn settle_box_question(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<()> {
     sqlx::query(SETTLE_BOX_QUESTION).bind(session).execute(tx).await?;
     Ok(())

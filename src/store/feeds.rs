@@ -222,6 +222,7 @@ impl FeedStore<'_> {
                     return Ok(known);
                 }
                 require_no_refusal(tx, known.trainee_id, now_ms).await?;
+                begin_attempt(tx, &scope, &new).await?;
                 sqlx::query(UPDATE_EPOCH).bind(new.id).execute(&mut *tx).await?;
                 find(tx, new.id).await?.ok_or(not_found("feed"))
             })

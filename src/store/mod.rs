@@ -56,7 +56,7 @@
 //! | [`Store::installation`] | `id` `backup_folder` `set_backup_folder` |
 //! | [`Store::centre`] | `get` `logo` `set_name` `set_logo` |
 //! | [`Store::certificates`] | `signer` `keys` `replace_key` `issuer` `add` `list` `get` `events` `pdf` `keep` `withdraw` `reinstate` `published` |
-//! | [`Store::exams`] | `plan` `list` `get` `cancel` `start` `order` `void` `close` `of_session` `is_sealed` `audience` |
+//! | [`Store::exams`] | `plan` `list` `get` `cancel` `start` `order` `take_back` `waiting` `set_completion` `void` `close` `of_session` `is_sealed` `is_ordered` `audience` |
 //! | [`Store::first_steps`] | `get` |
 //! | [`Store::audit`] | `list` · for [`crate::upkeep`]: `record_backup` · `last_backup` |
 
@@ -162,7 +162,9 @@ pub use erasures::ErasureStore;
 pub use error::{StoreError, StoreResult};
 pub use error_lists::{ErrorListRecord, ErrorListStore, ScoreFormulaRecord, ScoreFormulaStore};
 pub use error_sheets::{ErrorMarkRecord, ErrorSheetRecord, ErrorSheetStore, GivenErrorSheet, VisibleErrorSheets};
-pub use exams::{AttemptRecord, ExamFilter, ExamOfSession, ExamRecord, ExamStore, PlannedExam, SealedSubject};
+pub use exams::{
+    AttemptRecord, ExamFilter, ExamOfSession, ExamRecord, ExamStore, PlannedExam, SealedSubject, WaitingAttempt,
+};
 pub use feedback::{FeedbackEntry, FeedbackStore, SessionOpening};
 pub use feeds::{FeedRow, FeedStore, NewFeed};
 pub use first_steps::{FirstStepsRecord, FirstStepsStore};
@@ -278,12 +280,14 @@ const SELECT_DANGLING: &str = "SELECT \"table\" FROM pragma_foreign_key_check";
 const SELECT_BYTES: &str = "SELECT page_count * page_size FROM pragma_page_count(), pragma_page_size()";
 
 impl Store {
-    /// Damage that SQLite finds in its file and dangling references between rows; empty if all is well.
+    /// Damage that SQLite finds in its file, dangling references between rows, and closed exams whose result does not fit
+    /// their attempts; empty if all is well.
     pub async fn check(&self) -> StoreResult<Vec<String>> {
         let integrity: Vec<String> = sqlx::query_scalar(CHECK_INTEGRITY).fetch_all(self.readers()).await?;
         let dangling: Vec<String> = sqlx::query_scalar(SELECT_DANGLING).fetch_all(self.readers()).await?;
         let dangling = dangling.into_iter().map(|table| format!("a row of `{table}` refers to one that is not there"));
-        Ok(integrity.into_iter().filter(|line| line != "ok").chain(dangling).collect())
+        let exams = exams::wrong_exams(self).await?;
+        Ok(integrity.into_iter().filter(|line| line != "ok").chain(dangling).chain(exams).collect())
     }
 
     /// Closes the database for all clones: earlier requests are completed, later ones are refused as closed. A process

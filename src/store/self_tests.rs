@@ -70,6 +70,7 @@ const SELECT_CAMERA_MOVED: &str = "
         WHERE session.box_id = $3 AND ($1 <> 'agent' OR $2 = session.box_id) AND session.created_at_ms >= $4
           AND session.trainee_id NOT IN (SELECT trainee_id FROM pending_erasure)
           AND session.id NOT IN (SELECT session_id FROM set_aside_session)
+          AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
           AND EXISTS (SELECT 1 FROM json_each(result.quality, '$.reasons') AS reason
                       WHERE reason.value ->> '$.cause' IN ('camera_moved', 'camera_moved_during')))";
 

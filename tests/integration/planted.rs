@@ -93,6 +93,18 @@ impl Planter {
         Self { store, in_box, calibration, palette, task, evidence: Vec::new(), duration_s: 9.97 }
     }
 
+    /// Measures the next sessions with the box's camera and colours of now.
+    pub async fn take_current_set_up(&mut self) {
+        let service = Scope::service();
+        self.calibration = self.store.calibrations().in_use(&service, self.in_box).await.unwrap().unwrap().id;
+        self.palette = self.store.palettes().in_use(&service, self.in_box).await.unwrap().unwrap().id;
+    }
+
+    /// The database.
+    pub fn store(&self) -> &Store {
+        &self.store
+    }
+
     pub async fn trainee(&self, code: &str) -> TraineeId {
         self.store.trainees().get(&Scope::service(), &Key::from(code)).await.unwrap().id
     }
@@ -143,6 +155,15 @@ impl Planter {
 
     /// Completes the next job of a rescoring, once there is one. `of` gives the new feature for each old duration.
     pub async fn rescore(&self, pipeline: &str, of: impl Fn(f64) -> FeatureRow) {
+        self.rescore_with(pipeline, None, of).await;
+    }
+
+    /// The same with this quality.
+    pub async fn rescore_as(&self, pipeline: &str, quality: serde_json::Value, of: impl Fn(f64) -> FeatureRow) {
+        self.rescore_with(pipeline, Some(quality), of).await;
+    }
+
+    async fn rescore_with(&self, pipeline: &str, quality: Option<serde_json::Value>, of: impl Fn(f64) -> FeatureRow) {
         let lease = self.claim_when_there().await;
         let JobInput::Rescore(input) = lease.job.input.clone() else { panic!("{:?}", lease.job) };
         let old = self.store.sessions().result_of(&Scope::service(), input.session, input.result).await.unwrap();
@@ -153,7 +174,7 @@ impl Planter {
             edits: input.edits,
             features: old.features.iter().map(|row| of(*row.value.as_ref().unwrap())).collect(),
             evidence: Vec::new(),
-            quality: old.quality,
+            quality: quality.unwrap_or(old.quality),
         };
         self.store.jobs().finish_rescore(&lease, score).await.unwrap();
     }
@@ -365,8 +386,8 @@ pub fn duration(seconds: f64, half: f64) -> FeatureRow {
 pub async fn plant_self_test(database: &std::path::Path, of: &str, light: &str) {
     const INSERT: &str = "
         INSERT INTO self_test (id, box_id, calibration_id, palette_id, pipeline, light, report, created_at_ms)
-        SELECT $1, training_box.id, (SELECT id FROM calibration WHERE box_id = training_box.id LIMIT 1),
-               (SELECT id FROM palette WHERE box_id = training_box.id LIMIT 1), 'x', $3, '{}', $4
+        SELECT $1, training_box.id, (SELECT id FROM calibration WHERE box_id = training_box.id ORDER BY version DESC LIMIT 1),
+               (SELECT id FROM palette WHERE box_id = training_box.id ORDER BY version DESC LIMIT 1), 'x', $3, '{}', $4
         FROM training_box WHERE code = $2";
     let options = SqliteConnectOptions::new().filename(database).foreign_keys(true);
     let mut connection = options.connect().await.unwrap();

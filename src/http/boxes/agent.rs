@@ -330,7 +330,7 @@ impl NewBoxRecording {
 
 /// End the recording of a box
 ///
-/// For staff who see its trainee, and for the trainee. Every member of staff ends one without a name.
+/// For staff who see its trainee, and for the trainee, except an attempt of an exam. Every member of staff ends one without a name.
 #[utoipa::path(post, path = "/boxes/{id}/agent/stop", tag = "boxes",
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = BoxAgentResponse)))]
 pub async fn stop_agent(
@@ -346,6 +346,10 @@ pub async fn stop_agent(
         Some(trainee) => {
             if app.seen_trainee(&by.scope, trainee).await?.is_none() {
                 let why = "The box records another person. Only that person or their staff can stop it.";
+                return Err(Refusal::Conflict.with(why));
+            }
+            if !by.scope.is_staff() && app.store.exams().is_ordered(running.recording).await? {
+                let why = "This recording is an attempt of an exam. The examiner ends it.";
                 return Err(Refusal::Conflict.with(why));
             }
             let about = (of, trainee);
@@ -375,11 +379,6 @@ impl App {
         Ok(NamedTrainee { id: found.id, name: found.name.into() })
     }
 
-    /// Sends a command to the agent of a box and waits for its answer.
-    pub(in crate::http) async fn command_box(&self, of: BoxId, command: AgentCommand) -> HandlerResult<()> {
-        self.box_agents.command(of, command).await.map_err(command_problem)
-    }
-
     /// The task that a request names.
     pub(super) async fn named_task(&self, scope: &Scope, key: &str) -> HandlerResult<NamedTask> {
         let found = self.store.tasks().get(scope, &Key::from(&key)).await.map_err(reference_problem("task"))?;
@@ -387,7 +386,8 @@ impl App {
     }
 }
 
-fn command_problem(error: CommandError) -> ProblemResponse {
+/// The answer to a command that was not carried out.
+pub(in crate::http) fn command_problem(error: CommandError) -> ProblemResponse {
     match error {
         CommandError::Silent => silent_box(),
         CommandError::NoAnswer => {

@@ -1,6 +1,6 @@
 //! Box trainers, their camera calibrations, tool colours and self-tests.
 
-mod agent;
+pub(super) mod agent;
 mod agent_connection;
 mod calibrations;
 mod check_in;

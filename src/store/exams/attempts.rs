@@ -1,5 +1,5 @@
-//! Attempts: ordered by staff, begun by the recording with the ordered id, judged when they are scored, voided by
-//! administrators.
+//! Attempts: ordered by staff, begun by the recording with the ordered id, judged when they are scored, called completed or
+//! broken off by the examiner, voided by administrators.
 
 use super::super::feeds::NewFeed;
 use super::super::sessions::result::features_of;
@@ -16,8 +16,20 @@ use crate::ids::ResultId;
 const MAX_ORDERS: i64 = 60;
 
 const INSERT_ORDER: &str = "
-    INSERT INTO exam_attempt (recording_id, exam_id, ordered_by, ordered_at_ms)
-    SELECT $1, $2, $3, $4 WHERE (SELECT count(*) FROM exam_attempt WHERE exam_id = $2) < $5";
+    INSERT INTO exam_attempt (recording_id, exam_id, ordered_by, ordered_at_ms, self_test_id)
+    SELECT $1, $2, $3, $4, $5 WHERE (SELECT count(*) FROM exam_attempt WHERE exam_id = $2) < $6";
+
+const DELETE_ORDER: &str = "DELETE FROM exam_attempt WHERE recording_id = $1 AND number IS NULL";
+
+/// The recordings that were ordered for exam `$1` and have not begun, the newest first. Only the newest may begin.
+const SELECT_WAITING: &str = "
+    SELECT attempt.recording_id, attempt.ordered_at_ms, attempt.number IS NULL
+           AND NOT EXISTS (SELECT 1 FROM exam_attempt AS later
+                           WHERE later.exam_id = attempt.exam_id AND later.rowid > attempt.rowid) AS may_begin
+    FROM exam_attempt AS attempt WHERE attempt.exam_id = $1 AND attempt.number IS NULL ORDER BY attempt.rowid DESC";
+
+const SET_COMPLETION: &str = "
+    UPDATE exam_attempt SET completion = $3 WHERE exam_id = $1 AND number = $2 AND voided_at_ms IS NULL";
 
 /// The order of a recording: its exam, the candidate, task, box, examiner and attempts, and whether a later order replaced
 /// it.
@@ -41,15 +53,19 @@ const BEGIN_ATTEMPT: &str = "
 
 /// An attempt of a running exam that is scored and not judged yet.
 const SELECT_SCORED: &str = "
-    SELECT attempt.recording_id, standard.definition, trainee.handedness, session.box_question,
+    SELECT attempt.recording_id, standard.definition, exam.handedness, session.box_question,
+           coalesce((result.calibration_id, result.palette_id) = (self_test.calibration_id, self_test.palette_id), 0)
+               AS has_tested_set_up,
+           EXISTS (SELECT 1 FROM feed WHERE feed.id = attempt.recording_id AND feed.early_end IS NOT NULL)
+               AS is_interrupted,
            session.created_at_ms - attempt.ordered_at_ms AS since_order_ms, result.id AS result_id, result.pipeline,
            result.verdict IS 'refused' AS is_refused, result.left_tool, result.right_tool, result.duration_s
     FROM exam_attempt AS attempt
     JOIN exam ON exam.id = attempt.exam_id AND exam.state = 'running'
     JOIN standard ON standard.id = exam.standard_id
     JOIN session ON session.id = attempt.session_id
-    JOIN trainee ON trainee.id = session.trainee_id
     JOIN current_result AS result ON result.session_id = session.id
+    LEFT JOIN self_test ON self_test.id = attempt.self_test_id
     WHERE attempt.session_id = $1 AND attempt.outcome IS NULL";
 
 const STORE_JUDGEMENT: &str = "
@@ -81,6 +97,8 @@ struct ScoredRow {
     definition: StandardDefinition,
     handedness: Option<Handedness>,
     box_question: Option<BoxQuestion>,
+    has_tested_set_up: bool,
+    is_interrupted: bool,
     since_order_ms: i64,
     result_id: ResultId,
     pipeline: String,
@@ -88,6 +106,17 @@ struct ScoredRow {
     left_tool: Option<String>,
     right_tool: Option<String>,
     duration_s: f64,
+}
+
+/// A recording that was ordered for an exam and has not begun.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct WaitingAttempt {
+    /// The id of the recording.
+    pub recording_id: FeedId,
+    /// When it was ordered, epoch ms.
+    pub ordered_at_ms: i64,
+    /// False if a later order replaced it: it is refused when it begins to arrive.
+    pub may_begin: bool,
 }
 
 /// A recording that begins as an attempt.
@@ -100,11 +129,12 @@ pub(in crate::store) struct AttemptBeginning {
 
 impl ExamStore<'_> {
     /// Orders the recording of the next attempt and returns the id that the recording must have. The attempt is used when
-    /// this recording begins to arrive. A later order replaces one whose recording has not begun.
+    /// this recording begins to arrive. A later order replaces one whose recording has not begun. `self_test`: the one that
+    /// holds for the box now.
     ///
     /// # Errors
     /// The exam is not running, all attempts are used, or one is being recorded.
-    pub async fn order(&self, scope: &Scope, id: ExamId) -> StoreResult<FeedId> {
+    pub async fn order(&self, scope: &Scope, id: ExamId, self_test: SelfTestId) -> StoreResult<FeedId> {
         require_staff(scope, "recording attempts of exams")?;
         self.get(scope, id).await?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
@@ -123,7 +153,8 @@ impl ExamStore<'_> {
                     return Err(StoreError::refused("all attempts of the exam are used: close the exam"));
                 }
                 let insert = sqlx::query(INSERT_ORDER).bind(recording).bind(id).bind(by.person()).bind(now_ms);
-                if insert.bind(MAX_ORDERS).execute(&mut *tx).await?.rows_affected() == 0 {
+                let insert = insert.bind(self_test).bind(MAX_ORDERS).execute(&mut *tx).await;
+                if insert.map_err(missing("self-test"))?.rows_affected() == 0 {
                     return Err(StoreError::refused(format!(
                         "{MAX_ORDERS} recordings were ordered for this exam, which is the limit: close or cancel it"
                     )));
@@ -132,6 +163,62 @@ impl ExamStore<'_> {
             })
             .await?;
         Ok(recording)
+    }
+
+    /// Takes an order back that no sender got. Does nothing if its recording has begun.
+    pub async fn take_back(&self, scope: &Scope, id: ExamId, recording: FeedId) -> StoreResult<()> {
+        require_staff(scope, "recording attempts of exams")?;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                fixed(tx, &by, id).await?;
+                if sqlx::query(DELETE_ORDER).bind(recording).execute(&mut *tx).await?.rows_affected() == 0 {
+                    return Ok(());
+                }
+                note(tx, &by, now_ms, ("take attempt back", "exam"), id).await
+            })
+            .await
+    }
+
+    /// The recordings that were ordered for an exam and have not begun, the newest first.
+    pub async fn waiting(&self, scope: &Scope, id: ExamId) -> StoreResult<Vec<WaitingAttempt>> {
+        require_staff(scope, "orders of recordings for exams")?;
+        self.get(scope, id).await?;
+        Ok(sqlx::query_as(SELECT_WAITING).bind(id).fetch_all(self.0.readers()).await?)
+    }
+
+    /// Stores what the examiner says of an attempt: completed or broken off.
+    ///
+    /// # Errors
+    /// The exam is not running, or the attempt is voided or still being recorded.
+    pub async fn set_completion(
+        &self,
+        scope: &Scope,
+        id: ExamId,
+        number: u32,
+        completion: AttemptCompletion,
+    ) -> StoreResult<ExamRecord> {
+        require_staff(scope, "judging attempts of exams")?;
+        self.get(scope, id).await?;
+        let (by, now_ms) = (scope.clone(), self.0.now_ms());
+        self.0
+            .write(async move |tx| {
+                let attempt = open_attempt(tx, &by, id, number).await?;
+                if !attempt.counts() {
+                    return Err(StoreError::refused("the attempt is voided, so it needs no statement"));
+                }
+                if attempt.completion == Some(completion) {
+                    return Ok(());
+                }
+                sqlx::query(SET_COMPLETION).bind(id).bind(number).bind(completion).execute(&mut *tx).await?;
+                let action = match completion {
+                    AttemptCompletion::Completed => "attempt completed",
+                    AttemptCompletion::BrokenOff => "attempt broken off",
+                };
+                note(tx, &by, now_ms, (action, "exam"), id).await
+            })
+            .await?;
+        self.get(scope, id).await
     }
 
     /// Voids an attempt after a technical failure: the candidate has it back.
@@ -144,17 +231,7 @@ impl ExamStore<'_> {
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
         self.0
             .write(async move |tx| {
-                let (.., state) = fixed(tx, &by, id).await?;
-                if state != ExamState::Running {
-                    return Err(StoreError::refused(
-                        "the exam is not running, and an attempt is voided only meanwhile",
-                    ));
-                }
-                let found = attempts_of(tx, id).await?.into_iter().find(|attempt| attempt.number == number);
-                let attempt = found.ok_or(not_found("attempt"))?;
-                if attempt.is_receiving {
-                    return Err(StoreError::refused("the attempt is being recorded: end the recording first"));
-                }
+                open_attempt(tx, &by, id, number).await?;
                 let void = sqlx::query(VOID_ATTEMPT).bind(id).bind(number).bind(by.person()).bind(why).bind(now_ms);
                 if void.execute(&mut *tx).await?.rows_affected() == 0 {
                     return Err(StoreError::refused("the attempt is voided already"));
@@ -166,7 +243,23 @@ impl ExamStore<'_> {
     }
 }
 
-/// Checks a recording that begins: `None` if it was not ordered for an exam.
+/// An attempt of a running exam that is not being recorded.
+async fn open_attempt(tx: &mut SqliteConnection, by: &Scope, id: ExamId, number: u32) -> StoreResult<AttemptRecord> {
+    let (.., state) = fixed(tx, by, id).await?;
+    if state != ExamState::Running {
+        return Err(StoreError::refused(
+            "the exam is not running: an attempt is called completed, broken off or void only meanwhile",
+        ));
+    }
+    let found = attempts_of(tx, id).await?.into_iter().find(|attempt| attempt.number == number);
+    let attempt = found.ok_or(not_found("attempt"))?;
+    if attempt.is_receiving {
+        return Err(StoreError::refused("the attempt is being recorded: end the recording first"));
+    }
+    Ok(attempt)
+}
+
+/// Checks a recording that begins or is resumed: `None` if it was not ordered for an exam.
 ///
 /// # Errors
 /// It was ordered for an exam that takes no such recording now.
@@ -223,6 +316,8 @@ pub(in crate::store) async fn judge_attempt(
             pipeline: &scored.pipeline,
             is_refused: scored.is_refused,
             may_be_other_box: !scored.box_question.is_none_or(BoxQuestion::counts),
+            has_tested_set_up: scored.has_tested_set_up,
+            is_interrupted: scored.is_interrupted,
             duration_s: scored.duration_s,
             since_order_s: scored.since_order_ms as f64 / 1000.0,
         },

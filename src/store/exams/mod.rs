@@ -3,10 +3,12 @@
 //! | file | holds |
 //! |---|---|
 //! | `mod.rs` | exams: plan, read, start, cancel, close |
-//! | `attempts.rs` | attempts: ordered, begun by their recording, judged, voided |
+//! | `attempts.rs` | attempts: ordered, begun by their recording, judged, completed or broken off, voided |
+//! | `check.rs` | whether closed exams have the result that their attempts give |
 //! | `seal.rs` | what trainees do not see of an exam that is not closed, and what is never edited |
 
 mod attempts;
+mod check;
 mod seal;
 
 use std::collections::HashMap;
@@ -21,16 +23,19 @@ use super::page::{Page, PageRequest};
 use super::visibility::{BindScope, require_staff, require_trainee};
 use super::{Scope, Store};
 use crate::domain::exam::{
-    AttemptCause, AttemptOutcome, AttemptState, ExamResult, ExamState, IdentityCheck, JudgedFigure, result_of,
+    AttemptCause, AttemptCompletion, AttemptOutcome, AttemptState, CountedAttempt, ExamResult, ExamState,
+    IdentityCheck, JudgedFigure, result_of,
 };
 use crate::domain::job::JobState;
 use crate::domain::text::{Code, Name, Remark};
 use crate::ids::{BoxId, ExamId, FeedId, PersonId, SelfTestId, SessionId, StandardId, TaskId, TraineeId};
 use crate::time::Day;
 
+pub use attempts::WaitingAttempt;
 pub(super) use attempts::{begin_attempt, bind_session, judge_attempt};
+pub(super) use check::wrong_exams;
 pub use seal::{ExamOfSession, SealedSubject};
-pub(super) use seal::{refuse_if_of_exam, refuse_if_running};
+pub(super) use seal::{refuse_if_of_exam, refuse_if_running, refuse_if_twin};
 
 /// Most exams of one trainee.
 const MAX_OF_TRAINEE: i64 = 500;
@@ -131,6 +136,8 @@ pub struct AttemptRecord {
     pub figures: Option<Vec<JudgedFigure>>,
     /// When it was judged, epoch ms.
     pub judged_at_ms: Option<i64>,
+    /// What the examiner says of it; `None`: not said yet, or sealed.
+    pub completion: Option<AttemptCompletion>,
     /// Name of the person who voided it.
     pub voided_by: Option<Name>,
     /// Why it was voided.
@@ -160,15 +167,22 @@ impl AttemptRecord {
         self.voided_at_ms.is_none()
     }
 
-    /// Its outcome; a recording that cannot be measured has failed. `None` while it is recorded or measured, and while it is
-    /// sealed.
+    /// Its outcome; a recording that cannot be measured, or that nothing measures, has failed. `None` while it is recorded or
+    /// measured, and while it is sealed.
     pub fn settled(&self) -> Option<AttemptOutcome> {
         if self.is_receiving || self.is_sealed {
             return None;
         }
-        let has_failed =
-            self.session_id.is_none() || matches!(self.job_state, Some(JobState::Failed | JobState::Quarantined));
+        let is_measured = matches!(self.job_state, Some(JobState::Queued | JobState::Running));
+        let has_failed = self.session_id.is_none() || !is_measured;
         self.outcome.or(has_failed.then_some(AttemptOutcome::Failed))
+    }
+
+    /// As the result of the exam depends on it; `None` while it has no outcome, or the examiner has not said whether it was
+    /// completed.
+    fn counted(&self) -> Option<CountedAttempt> {
+        let (outcome, completion) = self.settled().zip(self.completion)?;
+        Some(CountedAttempt { outcome, cause: self.cause, completion })
     }
 
     /// What the candidate may know of it while the exam is not closed.
@@ -180,6 +194,7 @@ impl AttemptRecord {
             pipeline: None,
             figures: None,
             judged_at_ms: None,
+            completion: None,
             job_state: None,
             is_sealed: true,
             ..self
@@ -193,9 +208,11 @@ impl ExamRecord {
         u32::try_from(self.begun.iter().filter(|attempt| attempt.counts()).count()).unwrap_or(u32::MAX)
     }
 
-    /// The first attempt that passed.
-    pub fn passing(&self) -> Option<&AttemptRecord> {
-        self.begun.iter().find(|attempt| attempt.counts() && attempt.settled() == Some(AttemptOutcome::Passed))
+    /// The first attempt that passed, with its number among those that count: voided ones are none of the candidate's.
+    pub fn passing(&self) -> Option<(usize, &AttemptRecord)> {
+        let counting = (1..).zip(self.begun.iter().filter(|attempt| attempt.counts()));
+        let mut counting = counting.filter(|(_, attempt)| attempt.counted().is_some_and(CountedAttempt::is_passed));
+        counting.next()
     }
 }
 
@@ -231,8 +248,8 @@ const SELECT_EXAMS: &str = "
 
 const SELECT_ATTEMPTS: &str = "
     SELECT attempt.exam_id, attempt.number, attempt.began_at_ms, attempt.session_id, attempt.outcome, attempt.cause,
-           attempt.pipeline, attempt.figures, attempt.judged_at_ms, voider.name AS voided_by, attempt.void_reason,
-           attempt.voided_at_ms, session.id IS NOT NULL AND session.video IS NULL AS is_receiving,
+           attempt.pipeline, attempt.figures, attempt.judged_at_ms, attempt.completion, voider.name AS voided_by,
+           attempt.void_reason, attempt.voided_at_ms, session.id IS NOT NULL AND session.video IS NULL AS is_receiving,
            job.state AS job_state
     FROM exam_attempt AS attempt
     LEFT JOIN session ON session.id = attempt.session_id
@@ -255,6 +272,7 @@ const SELECT_OTHER_RUNNING: &str = "
 const START_EXAM: &str = "
     UPDATE exam SET state = 'running', identity = $2, examiner_id = $3,
                     examiner = (SELECT name FROM person WHERE person.id = $3), self_test_id = $4,
+                    handedness = (SELECT handedness FROM trainee WHERE trainee.id = exam.trainee_id),
                     started_at_ms = max($5, planned_at_ms)
     WHERE id = $1 AND state = 'planned'";
 
@@ -402,7 +420,7 @@ impl ExamStore<'_> {
     /// Closes an exam with its result. From then on the candidate sees it.
     ///
     /// # Errors
-    /// It is not running, no attempt counts, or one is not judged yet.
+    /// It is not running, no attempt counts, one is not judged yet, or the examiner has not said whether it was completed.
     pub async fn close(&self, scope: &Scope, id: ExamId) -> StoreResult<ExamRecord> {
         require_staff(scope, "closing exams")?;
         self.get(scope, id).await?;
@@ -413,25 +431,12 @@ impl ExamStore<'_> {
                 if state != ExamState::Running {
                     return Err(StoreError::refused("the exam is not running, so it cannot be closed"));
                 }
-                let mut outcomes = Vec::new();
-                for attempt in attempts_of(tx, id).await? {
-                    let settled = attempt.settled();
-                    if settled == Some(AttemptOutcome::Failed) {
-                        let failed = sqlx::query(NOTE_FAILED).bind(id).bind(attempt.number).bind(now_ms);
-                        failed.execute(&mut *tx).await?;
-                    }
-                    match (attempt.counts(), settled) {
-                        (true, Some(outcome)) => outcomes.push(outcome),
-                        (false, _) if !attempt.is_receiving => {}
-                        _ => {
-                            return Err(StoreError::refused(format!(
-                                "attempt {} is still being recorded or measured: wait until it is judged",
-                                attempt.number
-                            )));
-                        }
-                    }
+                let begun = attempts_of(tx, id).await?;
+                for attempt in begun.iter().filter(|attempt| attempt.settled() == Some(AttemptOutcome::Failed)) {
+                    let failed = sqlx::query(NOTE_FAILED).bind(id).bind(attempt.number).bind(now_ms);
+                    failed.execute(&mut *tx).await?;
                 }
-                let result = result_of(&outcomes)
+                let result = result_of(&counted_attempts(&begun)?)
                     .ok_or_else(|| StoreError::refused("no attempt counts: record one, or cancel the exam"))?;
                 end(tx, &by, id, (ExamState::Closed, Some(result)), now_ms).await?;
                 note(tx, &by, now_ms, ("close", "exam"), id).await
@@ -451,6 +456,27 @@ async fn fixed(tx: &mut SqliteConnection, by: &Scope, id: ExamId) -> StoreResult
 
 async fn attempts_of(tx: &mut SqliteConnection, id: ExamId) -> StoreResult<Vec<AttemptRecord>> {
     Ok(sqlx::query_as(SELECT_ATTEMPTS).bind(Json([id])).fetch_all(tx).await?)
+}
+
+/// The attempts that count, with outcome and completion.
+fn counted_attempts(begun: &[AttemptRecord]) -> StoreResult<Vec<CountedAttempt>> {
+    let mut counted = Vec::new();
+    for attempt in begun {
+        let number = attempt.number;
+        if attempt.is_receiving || (attempt.counts() && attempt.settled().is_none()) {
+            return Err(StoreError::refused(format!(
+                "attempt {number} is still being recorded or measured: wait until it is judged"
+            )));
+        }
+        if attempt.counts() {
+            counted.push(attempt.counted().ok_or_else(|| {
+                StoreError::refused(format!(
+                    "say first whether the task of attempt {number} was completed or broken off, then close the exam"
+                ))
+            })?);
+        }
+    }
+    Ok(counted)
 }
 
 async fn end(

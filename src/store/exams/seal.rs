@@ -38,7 +38,18 @@ const SELECT_IS_SEALED: &str = "
     SELECT EXISTS (SELECT 1 FROM sealed_session
                    WHERE session_id = coalesce((SELECT job.session_id FROM job WHERE job.id = $1), $1))";
 
+const SELECT_IS_ORDERED: &str = "SELECT EXISTS (SELECT 1 FROM exam_attempt WHERE recording_id = $1)";
+
 const SELECT_IS_OF_EXAM: &str = "SELECT EXISTS (SELECT 1 FROM exam_attempt WHERE session_id = $1)";
+
+/// Whether a merge of trainee `$2` into `$1` hides one of two equal recordings that is an attempt of an exam.
+const SELECT_HAS_TWIN: &str = "
+    SELECT EXISTS (
+        SELECT 1 FROM session AS kept JOIN session AS twin
+          ON twin.trainee_id = $2 AND twin.task_id = kept.task_id
+             AND (twin.box_id = kept.box_id AND twin.video = kept.video OR twin.path_hash = kept.path_hash)
+        WHERE kept.trainee_id = $1
+          AND EXISTS (SELECT 1 FROM exam_attempt WHERE session_id IN (kept.id, twin.id)))";
 
 const SELECT_IS_RUNNING: &str = "
     SELECT EXISTS (SELECT 1 FROM exam
@@ -60,6 +71,11 @@ impl ExamStore<'_> {
         Ok(sqlx::query_scalar(SELECT_IS_SEALED).bind(id).fetch_one(self.0.readers()).await?)
     }
 
+    /// True if this recording was ordered for an exam: its candidate does not end it.
+    pub async fn is_ordered(&self, recording: FeedId) -> StoreResult<bool> {
+        Ok(sqlx::query_scalar(SELECT_IS_ORDERED).bind(recording).fetch_one(self.0.readers()).await?)
+    }
+
     /// The people who may hear of this session or job of a trainee.
     pub async fn audience(&self, subject: SealedSubject, trainee: TraineeId) -> StoreResult<TraineeAudience> {
         let TraineeAudience(mut people) = self.0.trainees().audience(trainee).await?;
@@ -76,6 +92,21 @@ impl ExamStore<'_> {
 pub(in crate::store) async fn refuse_if_of_exam(tx: &mut SqliteConnection, session: SessionId) -> StoreResult<()> {
     match sqlx::query_scalar(SELECT_IS_OF_EXAM).bind(session).fetch_one(tx).await? {
         true => Err(StoreError::ExamSession),
+        false => Ok(()),
+    }
+}
+
+/// Refuses to merge two records of a person that have the same recording, if it is an attempt of an exam: one of the two
+/// would be hidden.
+pub(in crate::store) async fn refuse_if_twin(
+    tx: &mut SqliteConnection,
+    [kept, merged]: [TraineeId; 2],
+) -> StoreResult<()> {
+    match sqlx::query_scalar(SELECT_HAS_TWIN).bind(kept).bind(merged).fetch_one(tx).await? {
+        true => Err(StoreError::refused(
+            "both records have the same recording, and one of the two is an attempt of an exam: erase the other session, \
+             then merge the records",
+        )),
         false => Ok(()),
     }
 }

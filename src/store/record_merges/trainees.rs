@@ -10,7 +10,7 @@ use sqlx::sqlite::SqliteConnection;
 use super::super::audit::note;
 use super::super::consents::state_of;
 use super::super::cookies::DELETE_COOKIES_OF;
-use super::super::exams::refuse_if_running;
+use super::super::exams::{refuse_if_running, refuse_if_twin};
 use super::super::password_links::DELETE_LINK_OF;
 use super::super::skill_models;
 use super::*;
@@ -355,6 +355,7 @@ async fn merge(
     }
     refuse_hidden(tx, [kept, merged]).await?;
     refuse_if_running(tx, [kept, merged]).await?;
+    refuse_if_twin(tx, [kept, merged]).await?;
     if sqlx::query_scalar(SELECT_RECEIVING).bind(merged).fetch_one(&mut *tx).await? {
         return Err(StoreError::refused(
             "a recording of the person is still arriving: wait until it is complete, then merge the records",

@@ -229,6 +229,9 @@ pub(in crate::store) async fn erase_twins(
         let twins: Vec<SessionId> = select.fetch_all(&mut *tx).await?;
         certificates::mark(tx, scope, &twins, CertificateEventKind::SessionErased, now_ms).await?;
         for twin in twins {
+            if !scope.is_service() {
+                refuse_if_of_exam(tx, twin).await?;
+            }
             sqlx::query(DELETE_SESSION).bind(twin).execute(&mut *tx).await?;
         }
     }

@@ -89,7 +89,22 @@ impl ExamCentre {
         session
     }
 
+    /// Says of an attempt whether it was completed.
+    async fn say(&self, exam: &str, number: u32, completion: &str) -> reqwest::Response {
+        let said = json!({"completion": completion});
+        let request = self.centre.instructor.request(Method::PUT, &format!("{exam}/attempts/{number}/completion"));
+        request.json(&said).send().await.unwrap()
+    }
+
+    /// Says that each attempt was completed, unless it was said of it, and closes the exam.
     async fn close(&self, exam: &str) -> Value {
+        let attempts = self.centre.instructor.read(exam).await["attempts"].clone();
+        for attempt in attempts.as_array().unwrap() {
+            if attempt["voided_at"].is_null() && attempt["completion"].is_null() {
+                let number = u32::try_from(attempt["number"].as_u64().unwrap()).unwrap();
+                read(self.say(exam, number, "completed").await, StatusCode::OK).await;
+            }
+        }
         let closed = self.centre.instructor.request(Method::POST, &format!("{exam}/close")).send().await.unwrap();
         read(closed, StatusCode::OK).await
     }
@@ -173,7 +188,8 @@ async fn an_exam_is_planned_started_recorded_closed_and_certified() {
         .filter(|entry| entry["noun"] == "exam")
         .map(|entry| entry["action"].as_str().unwrap())
         .collect();
-    assert_eq!(actions, BTreeSet::from(["plan", "start", "record attempt", "begin attempt", "close"]));
+    let expected = ["plan", "start", "record attempt", "begin attempt", "attempt completed", "close"];
+    assert_eq!(actions, BTreeSet::from(expected));
 }
 
 async fn verify_says_so(of: &ExamCentre, certificate: &Value) {
@@ -266,6 +282,9 @@ async fn only_an_ordered_live_recording_is_an_attempt() {
     let silent = centre.instructor.post(&format!("{exam}/attempts"), json!({"way": "agent"})).await;
     assert!(detail(&problem(silent, 409, "conflict").await).contains("silent"));
     let late = of.order(&exam).await;
+    let waiting = centre.instructor.read(&exam).await["waiting"].clone();
+    let may_begin: Vec<&Value> = waiting.as_array().unwrap().iter().map(|one| &one["may_begin"]).collect();
+    assert_eq!(may_begin, [true, false], "{waiting}");
     assert_eq!(of.close(&exam).await["result"], "undecided");
     assert_eq!(refusal(&centre.agent, &late, "ada").await, 4404, "the exam is closed");
 }
@@ -292,7 +311,10 @@ async fn doubt_never_passes_and_a_judgement_stays() {
     }
     let result = of.centre.instructor.read(&format!("/api/v1/sessions/{session}")).await;
     assert_eq!(result["features"][0]["value"], 20.0, "{result}");
-    let closed = of.close(&exam).await;
+    let mut closed = of.close(&exam).await;
+    for attempt in closed["attempts"].as_array_mut().unwrap() {
+        attempt["completion"] = Value::Null; // the only change since
+    }
     assert_eq!((&closed["attempts"], &closed["result"]), (&judged["attempts"], &undecided));
     let certificate = of.centre.instructor.post(&format!("{exam}/certificates"), json!({"language": "en"})).await;
     problem(certificate, 409, "conflict").await;
@@ -314,6 +336,13 @@ async fn an_administrator_gives_an_attempt_back_after_a_failure() {
     of.attempt(&exam, vec![duration(40.0, 1.0)]).await;
     let closed = of.close(&exam).await;
     assert_eq!((&closed["result"], &closed["attempts_used"]), (&json!("passed"), &json!(1)));
+    let made = of.centre.instructor.make(&format!("{exam}/certificates"), json!({"language": "en"})).await;
+    let said = (&made["content"]["exam"]["attempts_used"], &made["content"]["sessions"][0]["number"]);
+    assert_eq!(said, (&json!(1), &json!(1)), "numbered among those that count");
+    let audit = administrator.read("/api/v1/audit-entries?limit=40").await;
+    let entries = audit["items"].as_array().unwrap();
+    let of_void = entries.iter().find(|entry| entry["action"] == "void attempt").unwrap();
+    assert_eq!(of_void["why"], why["reason"]);
     problem(administrator.post(&format!("{exam}/attempts/2/void"), why).await, 409, "conflict").await;
     let seen = of.centre.trainee.read(&exam).await;
     assert_eq!(seen["attempts"][0]["void_reason"], Value::Null);
@@ -522,14 +551,15 @@ async fn exams_follow_merged_records_unless_one_is_running() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_box_records_an_attempt_and_its_screen_shows_no_result_before_the_end() {
-    let of = ExamCentre::untested().await;
-    let (centre, instructor) = (&of.centre, &of.centre.instructor);
+    let mut of = ExamCentre::untested().await;
     let token = json!({"name": "box 1", "role": "agent", "box": "box-1"});
-    let token = centre.administrator.make("/api/v1/tokens", token).await;
+    let token = of.centre.administrator.make("/api/v1/tokens", token).await;
     let computer = BoxComputer::new(token["token"].as_str().unwrap(), 60);
     let camera = json!({"width": 320, "height": 240, "fx": 250, "fy": 250, "cx": 160, "cy": 120});
-    centre.administrator.put("/api/v1/boxes/box-1/camera", camera).await;
+    of.centre.administrator.put("/api/v1/boxes/box-1/camera", camera).await;
+    of.planter.take_current_set_up().await;
     of.self_test("green").await;
+    let (centre, instructor) = (&of.centre, &of.centre.instructor);
     let agent = computer.stand_by(&format!("http://{}", centre.service.address()), &[]);
     instructor.read_until("/api/v1/boxes/box-1/agent", |state| state["camera"]["is_open"] == true).await;
     // Staff check the candidate in: the screen must not show what staff may see.
@@ -541,6 +571,7 @@ async fn the_box_records_an_attempt_and_its_screen_shows_no_result_before_the_en
     let session = instructor.read_until(&exam, recorded).await["attempts"][0]["session"].clone();
     let frames = |state: &Value| state["recording"]["frames"].as_u64().is_some_and(|frames| frames > 20);
     instructor.read_until("/api/v1/boxes/box-1/agent", frames).await;
+    problem(post(&centre.trainee, "/api/v1/boxes/box-1/agent/stop").await, 409, "conflict").await;
     read(post(instructor, "/api/v1/boxes/box-1/agent/stop").await, StatusCode::OK).await;
     instructor.read_until(&exam, |exam| exam["attempts"][0]["state"] == "scoring").await;
     of.planter.finish_next(vec![duration(MARKER, 1.0)]).await;
@@ -551,4 +582,144 @@ async fn the_box_records_an_attempt_and_its_screen_shows_no_result_before_the_en
     of.close(&exam).await;
     let last = poll_json("the screen", screen, |state| state["checked_in"]["last"]["status"] == "done").await;
     assert_eq!(last["checked_in"]["last"]["session"], session);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_broken_off_or_interrupted_attempt_is_never_passed() {
+    let of = ExamCentre::open().await;
+    let instructor = &of.centre.instructor;
+    let exam = of.running(2).await;
+    let ordered = of.order(&exam).await;
+    let (mut sender, welcome) = sender::begin(&of.centre.service, &of.centre.agent, &ordered).await;
+    sender.send_frames(0..3).await;
+    sender.wait_for_ack(json!([[0, 2]])).await;
+    drop(sender); // staff end it from elsewhere
+    let end = format!("/api/v1/sessions/{}/end", welcome["session"].as_str().unwrap());
+    poll_json("the end", async || json!(post(instructor, &end).await.status().as_u16()), |status| status == &200).await;
+    instructor.read_until(&exam, |exam| exam["attempts"][0]["state"] == "scoring").await;
+    of.planter.finish_next(vec![duration(20.0, 1.0)]).await;
+    let judged = instructor.read(&exam).await;
+    let first = &judged["attempts"][0];
+    assert_eq!((&first["outcome"], &first["cause"]), (&json!("undecided"), &json!("interrupted")), "{judged}");
+
+    of.attempt(&exam, vec![duration(20.0, 1.0)]).await; // stopped in the usual way before the task was done
+    let unsaid = problem(of.try_close(&exam).await, 409, "conflict").await;
+    assert!(detail(&unsaid).contains("completed or broken off"), "{unsaid}");
+    problem(of.say(&exam, 3, "completed").await, 404, "not-found").await;
+    problem(of.say(&exam, 2, "perhaps").await, 422, "invalid").await;
+    read(of.say(&exam, 2, "completed").await, StatusCode::OK).await;
+    let said = read(of.say(&exam, 2, "broken_off").await, StatusCode::OK).await;
+    assert_eq!(
+        (&said["attempts"][1]["outcome"], &said["attempts"][1]["completion"]),
+        (&json!("passed"), &json!("broken_off"))
+    );
+    assert_eq!(of.centre.trainee.read(&exam).await["attempts"][1]["completion"], Value::Null);
+    let closed = of.close(&exam).await;
+    assert_eq!(closed["result"], "not_passed", "the interrupted attempt is used without a pass");
+    problem(of.say(&exam, 2, "completed").await, 409, "conflict").await;
+    let certificate = instructor.post(&format!("{exam}/certificates"), json!({"language": "en"})).await;
+    problem(certificate, 409, "conflict").await;
+    let store = of.planter.store();
+    assert_eq!(store.check().await.unwrap(), Vec::<String>::new());
+    change(&of.database(), "UPDATE exam_attempt SET completion = NULL", "exam_attempt_is_completed_before_the_end")
+        .await;
+    let found = store.check().await.unwrap();
+    assert!(found.len() == 1 && found[0].contains("not judged"), "{found:?}");
+}
+
+async fn text_of(database: &std::path::Path, sql: &'static str) -> String {
+    use sqlx::ConnectOptions;
+    let options = sqlx::sqlite::SqliteConnectOptions::new().filename(database);
+    let mut connection = options.connect().await.unwrap();
+    sqlx::query_scalar(sql).fetch_one(&mut connection).await.unwrap()
+}
+
+/// Changes rows although a trigger forbids it.
+async fn change(database: &std::path::Path, sql: &'static str, trigger: &str) {
+    use sqlx::{ConnectOptions, Connection, Executor};
+    let options = sqlx::sqlite::SqliteConnectOptions::new().filename(database);
+    let mut connection = options.connect().await.unwrap();
+    connection.execute(sqlx::AssertSqlSafe(format!("DROP TRIGGER {trigger}"))).await.unwrap();
+    connection.execute(sql).await.unwrap();
+    connection.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_box_is_checked_before_each_attempt_and_what_measures_is_what_was_tested() {
+    let mut of = ExamCentre::open().await;
+    let exam = of.running(2).await;
+    let camera = json!({"width": 640, "height": 480, "fx": 501, "fy": 501, "cx": 320, "cy": 240});
+    of.centre.administrator.put("/api/v1/boxes/box-1/camera", camera).await;
+    let refused = of.centre.instructor.post(&format!("{exam}/attempts"), json!({"way": "browser"})).await;
+    assert_eq!(problem(refused, 409, "conflict").await["box_problems"], json!(["changed_since"]));
+    assert_eq!(of.centre.instructor.read(&exam).await["box_check"]["is_ready"], false);
+    of.self_test("green").await;
+    of.attempt(&exam, vec![duration(40.0, 1.0)]).await; // the planter measures with the camera before
+    let judged = of.centre.instructor.read(&exam).await;
+    let first = &judged["attempts"][0];
+    assert_eq!((&first["outcome"], &first["cause"]), (&json!("undecided"), &json!("set_up")), "{judged}");
+    of.planter.take_current_set_up().await;
+    of.attempt(&exam, vec![duration(40.0, 1.0)]).await;
+    assert_eq!(of.close(&exam).await["result"], "passed");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_later_score_neither_blocks_the_certificate_nor_asks_for_the_box() {
+    let of = ExamCentre::open().await;
+    let exam = of.running(1).await;
+    let session = of.attempt(&exam, vec![duration(40.0, 1.0)]).await;
+    of.close(&exam).await;
+    let of_all = json!({"from": "trajectory", "which": "all"});
+    of.centre.administrator.make("/api/v1/tasks/peg/rescorings", of_all).await;
+    let refused = json!({"frames": 300, "verdict": "refused", "reasons": [], "tools": [],
+        "recording": {"box": {"finding": "doubtful"}}});
+    of.planter.rescore_as("a later version", refused, |_| duration(90.0, 1.0)).await;
+    let seen = of.centre.instructor.read(&format!("/api/v1/sessions/{session}")).await;
+    assert_eq!((&seen["features"][0]["value"], &seen["box_question"]), (&json!(90.0), &Value::Null), "{seen}");
+    of.centre.instructor.make(&format!("{exam}/certificates"), json!({"language": "en"})).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_order_that_the_box_refuses_is_taken_back() {
+    let of = ExamCentre::open().await;
+    let exam = of.running(1).await;
+    let first = of.order(&exam).await;
+    let silent = of.centre.instructor.post(&format!("{exam}/attempts"), json!({"way": "agent"})).await;
+    assert!(detail(&problem(silent, 409, "conflict").await).contains("silent"));
+    let (mut sender, _) = sender::begin(&of.centre.service, &of.centre.agent, &first).await;
+    sender.send_frames(0..5).await;
+    sender.end(5).await;
+    assert_eq!(of.centre.instructor.read(&exam).await["attempts_used"], 1);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_preferred_hand_is_that_of_the_start() {
+    let of = ExamCentre::open().await;
+    let hand = async |of: &ExamCentre, hand: &str| {
+        let change = of.centre.administrator.request(Method::PATCH, "/api/v1/trainees/ada");
+        assert!(change.json(&json!({"handedness": hand})).send().await.unwrap().status().is_success());
+    };
+    hand(&of, "left").await;
+    let exam = of.running(1).await;
+    hand(&of, "right").await;
+    assert_eq!(text_of(&of.database(), "SELECT handedness FROM exam").await, "left", "{exam}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn records_with_the_recording_of_an_attempt_are_not_merged() {
+    let of = ExamCentre::open().await;
+    let (centre, exam) = (&of.centre, of.running(1).await);
+    of.attempt(&exam, vec![duration(40.0, 1.0)]).await;
+    of.close(&exam).await;
+    let mut sender = sender::open(&centre.service, centre.agent.headers(), "box-1").await.unwrap();
+    let mut hello = sender::hello("0198c1f2-6a10-7d3e-9f00-5c3b8f1d2a45");
+    hello["trainee"] = json!("bob");
+    sender.send_json(&hello).await;
+    sender.receive().await;
+    sender.epoch = 1;
+    sender.send_frames(0..4).await;
+    sender.end(4).await;
+    let merge = json!({"trainee": "ada", "why": "Registered twice."});
+    let refused = centre.administrator.post("/api/v1/trainees/bob/merges", merge).await;
+    assert!(detail(&problem(refused, 409, "conflict").await).contains("attempt of an exam"));
 }
