@@ -423,6 +423,8 @@ export const api = {
     start: (id, json) => request('POST', ['exams', id, 'start'], { json }),
     /** Orders the recording of the next attempt. @param {string} id @param {ApiBody<'POST', ['exams', string, 'attempts']>} json */
     record: (id, json) => request('POST', ['exams', id, 'attempts'], { json }),
+    /** @param {string} id @param {number} number @param {ApiBody<'PUT', ['exams', string, 'attempts', string, 'completion']>} json */
+    setCompletion: (id, number, json) => request('PUT', ['exams', id, 'attempts', String(number), 'completion'], { json }),
     /** @param {string} id @param {number} number @param {ApiBody<'POST', ['exams', string, 'attempts', string, 'void']>} json */
     void: (id, number, json) => request('POST', ['exams', id, 'attempts', String(number), 'void'], { json }),
     /** @param {string} id */

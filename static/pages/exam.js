@@ -72,15 +72,26 @@ function Start({ exam, onChange }) {
     <section class="card">
       <header><h2>${words.start}</h2></header>
       <div class="body stack">
-        ${check && !check.is_ready && html`<${Notice} tone="warn" title=${words.boxNotReady}>
-          ${check.problems.map(one => words.boxProblems[one]).join(' ')}
-          <span class="row after"><a class="button" href=${href(['boxes', exam.box.id])}>${words.toSelfTest(exam.box.name)}</a></span><//>`}
+        <${BoxNotReady} exam=${exam} />
+        ${exam.day && exam.day !== today() && html`<${Notice} tone="warn" title=${words.otherDay(calendarDay(exam.day))}>${words.otherDayBody}<//>`}
         ${check?.is_ready && html`<${Notice} tone="good" title=${words.boxReady}>${words.testedAt(dateTime(check.tested_at))}<//>
           <p>${words.startBody}</p><${Form} fields=${fields} submit=${words.start} onSave=${save} />`}
         <${CancelButton} exam=${exam} onChange=${onChange} />
       </div>
     </section>`;
 }
+
+/** Why the box cannot be used now. @param {Props} props */
+const BoxNotReady = ({ exam }) => exam.box_check && !exam.box_check.is_ready && html`
+  <${Notice} tone="warn" title=${words.boxNotReady}>
+    ${exam.box_check.problems.map(one => words.boxProblems[one]).join(' ')}
+    <span class="row after"><a class="button" href=${href(['boxes', exam.box.id])}>${words.toSelfTest(exam.box.name)}</a></span><//>`;
+
+/** Today as `YYYY-MM-DD`. */
+const today = () => {
+  const now = new Date();
+  return [now.getFullYear(), now.getMonth() + 1, now.getDate()].map(part => String(part).padStart(2, '0')).join('-');
+};
 
 /** @param {Props} props */
 function CancelButton({ exam, onChange }) {
@@ -97,7 +108,9 @@ function Run({ exam, onChange }) {
   const [isBusy, setBusy] = useState(false);
   const [closing, setClosing] = useState(false);
   const isRecording = exam.attempts.some(attempt => attempt.state === 'recording');
-  const isOpen = exam.attempts.some(attempt => !attempt.voided_at && !attempt.outcome);
+  const counting = exam.attempts.filter(attempt => !attempt.voided_at);
+  const isOpen = counting.some(attempt => !attempt.outcome || !attempt.completion);
+  const isReady = exam.box_check?.is_ready;
   const left = exam.attempts_allowed - exam.attempts_used;
   const next = exam.attempts.length + 1;
   const act = async request => {
@@ -112,9 +125,15 @@ function Run({ exam, onChange }) {
       <div class="body stack">
         <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
         <p>${isRecording ? words.isRecording : left > 0 ? words.left(left) : words.noneLeft}</p>
+        ${exam.waiting.map(one => html`<p key=${one.ordered_at} class="small">${words.waiting(dateTime(one.ordered_at), one.is_recording, one.may_begin)}</p>`)}
+        ${!isRecording && left > 0 && html`<${BoxNotReady} exam=${exam} />`}
+        ${counting.filter(attempt => attempt.state !== 'recording').map(attempt => html`<fieldset key=${attempt.number} class="plain stack tight"><legend>${words.wasCompleted(attempt.number)}</legend>
+          <p class="small muted">${words.wasCompletedHint}</p>
+          <p class="row">${[['completed', words.yesCompleted], ['broken_off', words.noBrokenOff]].map(([completion, name]) => html`
+            <button key=${completion} class="button" type="button" aria-pressed=${attempt.completion === completion} disabled=${isBusy} onClick=${() => act(() => api.exams.setCompletion(exam.id, attempt.number, { completion }))}>${name}</button>`)}</p></fieldset>`)}
         <p class="row">
-          ${isRecording && exam.has_agent && html`<button class="button main" type="button" disabled=${isBusy} onClick=${() => act(() => api.boxes.stop(exam.box.id))}>${words.stopBox}</button>`}
-          ${!isRecording && left > 0 && html`
+          ${(isRecording || exam.waiting.some(one => one.is_recording)) && exam.has_agent && html`<button class="button main" type="button" disabled=${isBusy} onClick=${() => act(() => api.boxes.stop(exam.box.id))}>${words.stopBox}</button>`}
+          ${!isRecording && left > 0 && isReady && html`
             ${exam.has_agent && html`<button class="button main" type="button" disabled=${isBusy} onClick=${() => act(() => api.exams.record(exam.id, { way: 'agent' }))}>${words.recordAtBox(next)}</button>`}
             <a class=${`button ${exam.has_agent ? '' : 'main'}`} href=${href(['record'], { exam: exam.id })}>${words.recordHere(next)}</a>`}
           ${exam.attempts_used > 0 && html`<button class="button" type="button" disabled=${isOpen} onClick=${() => setClosing(true)}>${words.close}</button>`}

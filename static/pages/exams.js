@@ -49,7 +49,7 @@ function PlanDialog({ trainee, onClose }) {
     { name: 'task', label: t.target.task, type: 'select', required: true, value: '', options: options(data.tasks), hint: words.taskHint },
     { name: 'box', label: t.target.box, type: 'select', required: true, value: '', options: options(data.boxes) },
     { name: 'attempts', label: words.allowed, type: 'select', value: '1', options: ['1', '2', '3'].map(one => [one, one]), hint: words.allowedHint },
-    { name: 'day', label: words.day, type: 'date', optional: true },
+    { name: 'day', label: words.day, hint: words.dayHint, type: 'date', optional: true },
   ];
   const save = async ({ attempts, day, ...ids }) => {
     const exam = await api.exams.plan({ ...ids, attempts: Number(attempts), ...(day && { day }) });

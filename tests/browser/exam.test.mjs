@@ -107,6 +107,9 @@ test('the agent of the box records the attempt, and the candidate sees no figure
   assert.equal((await attempt()).outcome, 'passed', JSON.stringify(await attempt()));
   await admin.page.locator('article .pill', { hasText: 'Passed' }).waitFor();
   await admin.page.locator('td', { hasText: 'at most 1,000,000 mm/s²' }).waitFor();
+  assert.ok(await button(admin, 'Close exam').isDisabled());
+  await button(admin, 'Completed').click();
+  await admin.page.getByText('The examiner says that it was completed.').waitFor();
   await admin.checkLooks('judged');
   await candidate.page.goto(url + made.exam);
   await candidate.signIn(SECRET, `edda-${mark}`);
@@ -121,9 +124,9 @@ test('the agent of the box records the attempt, and the candidate sees no figure
 test('the exam is closed, the candidate sees the result, and the certificate says that it is of an exam', async () => {
   await button(admin, 'Close exam').click();
   await admin.page.locator('dialog').getByRole('button', { name: 'Close exam' }).click();
-  await admin.page.getByText('An attempt met all limits').waitFor();
+  await admin.page.getByText('An attempt was completed and met all limits').waitFor();
   await candidate.open(made.exam);
-  await candidate.page.getByText('An attempt met all limits').waitFor();
+  await candidate.page.getByText('An attempt was completed and met all limits').waitFor();
   await candidate.page.locator('td', { hasText: 'at most 1,000,000 mm/s²' }).waitFor();
   await candidate.takePictures('closed');
   await candidate.page.getByRole('link', { name: 'Session', exact: true }).click();

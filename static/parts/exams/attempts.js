@@ -20,12 +20,13 @@ export const Attempts = ({ exam, onVoid = null }) => html`
 
 /** @param {Props} props */
 function Attempt({ attempt, onVoid }) {
-  const { number: at, state, outcome, cause, session, voided_at: voided, void_reason: why, voided_by: who } = attempt;
+  const { number: at, state, outcome, cause, completion, session, voided_at: voided, void_reason: why, voided_by: who } = attempt;
   return html`
     <article class="stack tight">
-      <h3>${words.attempt(at)} ${outcome ? html`<span class=${`pill ${TONES[outcome]}`}>${words.outcomes[outcome]}</span>`
+      <h3>${words.attempt(at)} ${completion === 'broken_off' ? html`<span class="pill bad">${words.completions.broken_off}</span>` : outcome ? html`<span class=${`pill ${TONES[outcome]}`}>${words.outcomes[outcome]}</span>`
         : html`<span class="pill">${words.attemptStates[state]}</span>`}${voided && html` <span class="pill">${words.voided}</span>`}</h3>
       <p class="small muted">${dateTime(attempt.began_at)}${session && html` · <a href=${href(['sessions', session])}>${words.session}</a>`}</p>
+      ${completion && html`<p class="small">${completion === 'broken_off' ? words.brokenOff : words.isCompleted}</p>`}
       ${cause && html`<p class="small">${words.causes[cause]}</p>`}
       ${!cause && outcome && words.outcomeBodies[outcome] && html`<p class="small">${words.outcomeBodies[outcome]}</p>`}
       ${voided && html`<p class="small">${words.voidedOn(dateTime(voided), who)} ${why && html`<span class="said">${why}</span>`}</p>`}

@@ -16,13 +16,13 @@ export function BoxQuestion({ session, person, edits, onChange }) {
     return html`
       <${Notice} tone="warn" title=${words.otherTitle(box)}>
         <p>${words.other}</p>
-        ${may(person, 'edit_sessions') && html`<div class="row"><${MoveButton} session=${session} onMoved=${onChange} /></div>`}
+        ${may(person, 'edit_sessions') && !session.exam && html`<div class="row"><${MoveButton} session=${session} onMoved=${onChange} /></div>`}
       <//>`;
   if (session.box_question !== 'asked') return null;
   return html`
     <${Notice} tone="warn" title=${words.title(box)}>
       <p>${words.body(box)}</p>
-      ${may(person, 'edit_sessions') ? html`
+      ${session.exam ? html`<p>${words.ofExam}</p>` : may(person, 'edit_sessions') ? html`
         <div class="row">
           <button class="button main" type="button" onClick=${() => setAnswer('this_box')}>${words.yes(box)}</button>
           <button class="button" type="button" onClick=${() => setAnswer('other_box')}>${words.no}</button>

@@ -49,6 +49,6 @@ export function Cuts({ session, person, onChange }) {
       return html`<${Notice} key=${cut.id} title=${isFirst ? words.isFirst(clock(cut.at_s, 2)) : words.isSecond(clock(cut.at_s, 2))}>
         ${cut.why && html`<span class="said">${cut.why}</span> `}<span class="small muted">${cut.who ?? t.session.edits.gone}, ${dateTime(cut.created_at)}</span>
         ${other && html` <a href=${href(['sessions', other], isFirst ? { t: String(cut.at_s) } : {})}>${isFirst ? words.toSecond : words.toFirst}</a>`}
-        ${other && may(person, 'edit_sessions') && html` <button class="button" type="button" onClick=${() => join(cut)}>${words.join}</button>`}<//>`;
+        ${other && may(person, 'edit_sessions') && !session.exam && html` <button class="button" type="button" onClick=${() => join(cut)}>${words.join}</button>`}<//>`;
     })}`;
 }

@@ -24,7 +24,7 @@ export function Edits({ session, person, edits, playback, tools, onEdited }) {
   const [dialogKind, setDialogKind] = useState(null);
   const [problem, setProblem] = useState(null);
   if (!edits) return null;
-  const mayEdit = may(person, 'edit_sessions');
+  const mayEdit = may(person, 'edit_sessions') && !session.exam;
   const isInForce = edit => !edit.undone && !edit.for_other_box;
   const [inForce, undone] = [edits.items.filter(isInForce), edits.items.filter(edit => !isInForce(edit))];
   if (!mayEdit && !inForce.length) return null;
