@@ -259,14 +259,15 @@ CREATE TABLE exam (
     box_id        TEXT NOT NULL REFERENCES training_box (id) ON DELETE RESTRICT, -- the box
     standard_id   TEXT NOT NULL REFERENCES standard (id) ON DELETE RESTRICT, -- the version of the standard that judges it
     attempts      INTEGER NOT NULL CHECK (attempts BETWEEN 1 AND 3),         -- how many attempts the candidate has
-    day           TEXT CHECK (length(day) = 10),                             -- when it is to be held, YYYY-MM-DD; NULL: not said
+    day           TEXT CHECK (length(day) = 10),                             -- note of the day on which it is to be held, YYYY-MM-DD; NULL: none
     state         TEXT NOT NULL CHECK (state IN ('planned', 'running', 'closed', 'cancelled')), -- ExamState
     planned_by    TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who planned it; NULL: deleted, or the service
     planned_at_ms INTEGER NOT NULL CHECK (planned_at_ms >= 0),               -- when, epoch ms
     identity      TEXT CHECK (identity IN ('badge', 'document', 'known')),   -- IdentityCheck: how the examiner confirmed who it is; NULL: not started
     examiner_id   TEXT REFERENCES person (id) ON DELETE SET NULL,            -- the examiner; NULL: not started, or the account was deleted
     examiner      TEXT CHECK (length(examiner) BETWEEN 1 AND 120),           -- name of the examiner at the start; stays when the account is deleted
-    self_test_id  TEXT REFERENCES self_test (id) ON DELETE SET NULL,         -- the self-test of the box that day
+    handedness    TEXT CHECK (handedness IN ('left', 'right', 'both')),      -- preferred hand of the candidate at the start; NULL: not said, or not started
+    self_test_id  TEXT REFERENCES self_test (id) ON DELETE SET NULL,         -- the self-test of the box at the start
     started_at_ms INTEGER CHECK (started_at_ms >= planned_at_ms),            -- when it was started, epoch ms
     result        TEXT CHECK (result IN ('passed', 'not_passed', 'undecided')), -- ExamResult; NULL: not closed
     ended_by      TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who closed or cancelled it; NULL: deleted, or neither
@@ -283,20 +284,22 @@ CREATE TABLE exam_attempt (
     exam_id       TEXT NOT NULL REFERENCES exam (id) ON DELETE CASCADE,      -- the exam
     ordered_by    TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who ordered it; NULL: deleted
     ordered_at_ms INTEGER NOT NULL CHECK (ordered_at_ms >= 0),               -- when, epoch ms
+    self_test_id  TEXT REFERENCES self_test (id) ON DELETE SET NULL,         -- the self-test of the box that held when it was ordered
     number        INTEGER CHECK (number >= 1),                               -- 1, 2, … in the order of beginning; NULL: it has not begun
     began_at_ms   INTEGER CHECK (began_at_ms >= 0),                          -- when its first frames were announced, epoch ms
     session_id    TEXT REFERENCES session (id) ON DELETE SET NULL,           -- its session; NULL: not begun, or nothing could be kept
     outcome       TEXT CHECK (outcome IN ('passed', 'not_passed', 'undecided', 'refused', 'failed')), -- AttemptOutcome; NULL: not judged yet
-    cause         TEXT CHECK (cause IN ('error_bar', 'not_measured', 'other_box', 'not_live')), -- AttemptCause: why it is undecided
+    cause         TEXT CHECK (cause IN ('error_bar', 'not_measured', 'other_box', 'set_up', 'interrupted', 'not_live')), -- AttemptCause: why it is undecided
     pipeline      TEXT CHECK (length(pipeline) >= 1),                        -- version of the measurement that was judged
     figures       TEXT CHECK (json_valid(figures)),                          -- the values and limits that were judged (JudgedFigure)
     judged_at_ms  INTEGER CHECK (judged_at_ms >= 0),                         -- when, epoch ms
+    completion    TEXT CHECK (completion IN ('completed', 'broken_off')),    -- AttemptCompletion: what the examiner says; NULL: not said
     voided_by     TEXT REFERENCES person (id) ON DELETE SET NULL,            -- who voided it; NULL: not voided, or deleted
     void_reason   TEXT CHECK (length(void_reason) BETWEEN 1 AND 2000),       -- why
     voided_at_ms  INTEGER CHECK (voided_at_ms >= 0),                         -- when, epoch ms; NULL: it counts
     UNIQUE (exam_id, number),
     CHECK ((number IS NULL) = (began_at_ms IS NULL)),
-    CHECK (number IS NOT NULL OR (session_id IS NULL AND outcome IS NULL AND voided_at_ms IS NULL)),
+    CHECK (number IS NOT NULL OR (session_id IS NULL AND outcome IS NULL AND completion IS NULL AND voided_at_ms IS NULL)),
     CHECK ((outcome IS NULL) = (judged_at_ms IS NULL)),
     CHECK ((cause IS NULL) = (outcome IS NOT 'undecided')),
     CHECK ((voided_at_ms IS NULL) = (void_reason IS NULL))
@@ -886,6 +889,8 @@ CREATE INDEX exam_trainee ON exam (trainee_id);
 
 CREATE INDEX exam_attempt_ordered_by ON exam_attempt (ordered_by);
 
+CREATE INDEX exam_attempt_self_test ON exam_attempt (self_test_id);
+
 CREATE INDEX exam_attempt_session ON exam_attempt (session_id) WHERE session_id IS NOT NULL;
 
 CREATE INDEX exam_attempt_voided_by ON exam_attempt (voided_by);
@@ -1106,8 +1111,18 @@ CREATE TRIGGER exam_ends_once BEFORE UPDATE OF state, result, ended_at_ms ON exa
     SELECT RAISE(ABORT, 'an exam that has ended never changes');
 END;
 
+CREATE TRIGGER exam_is_started_once BEFORE UPDATE OF identity, examiner, handedness, started_at_ms ON exam
+WHEN OLD.state <> 'planned' BEGIN
+    SELECT RAISE(ABORT, 'what was fixed at the start of an exam never changes');
+END;
+
 CREATE TRIGGER exam_stays BEFORE UPDATE OF task_id, standard_id, attempts, planned_at_ms ON exam BEGIN
     SELECT RAISE(ABORT, 'what was fixed for an exam never changes');
+END;
+
+CREATE TRIGGER exam_attempt_is_completed_before_the_end BEFORE UPDATE OF completion ON exam_attempt
+WHEN (SELECT state FROM exam WHERE exam.id = OLD.exam_id) <> 'running' BEGIN
+    SELECT RAISE(ABORT, 'what the examiner said of an attempt never changes after the exam');
 END;
 
 CREATE TRIGGER exam_attempt_is_judged_once BEFORE UPDATE OF outcome, cause, figures, pipeline ON exam_attempt
