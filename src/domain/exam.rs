@@ -100,7 +100,7 @@ named! {
     AttemptCompletion: "completion" {
         /// The task was completed.
         Completed = "completed",
-        /// It was broken off: not passed, whatever the figures say.
+        /// It was broken off: not passed, also if the figures meet the standard.
         BrokenOff = "broken_off",
     }
 }

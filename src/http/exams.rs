@@ -89,7 +89,7 @@ pub struct AttemptResponse {
     figures: Vec<JudgedFigure>,
     judged_at: Option<Time>,
     /// What the examiner says of it; `null`: not said yet, and while it is sealed. One that was broken off is not passed,
-    /// whatever the outcome of its recording.
+    /// also if its recording met the standard.
     completion: Option<AttemptCompletion>,
     /// When it was voided after a technical failure; `null`: it counts.
     voided_at: Option<Time>,

@@ -463,7 +463,7 @@ async fn refuse_unfit(tx: &mut SqliteConnection, issued: &IssuedCertificate) -> 
         ));
     }
     if let Some(exam) = exam {
-        // The stored judgement of a closed exam stays, whatever becomes of the session's present result.
+        // The stored judgement of a closed exam stays; a later score of the session does not matter.
         let passed = sqlx::query_scalar(SELECT_IS_PASSED).bind(exam).bind(trainee).bind(task);
         return match passed.fetch_one(tx).await? {
             true => Ok(()),

@@ -16,6 +16,7 @@ import { CertificatesCard } from '../parts/people/certificates.js';
 
 const words = t.exams;
 const POLL_MS = 2_000;
+const COMPLETIONS = /** @type {const} */ (['completed', 'broken_off']);
 const IDENTITIES = /** @type {const} */ (['badge', 'document', 'known']);
 
 /** @param {Props} props */
@@ -129,8 +130,8 @@ function Run({ exam, onChange }) {
         ${!isRecording && left > 0 && html`<${BoxNotReady} exam=${exam} />`}
         ${counting.filter(attempt => attempt.state !== 'recording').map(attempt => html`<fieldset key=${attempt.number} class="plain stack tight"><legend>${words.wasCompleted(attempt.number)}</legend>
           <p class="small muted">${words.wasCompletedHint}</p>
-          <p class="row">${[['completed', words.yesCompleted], ['broken_off', words.noBrokenOff]].map(([completion, name]) => html`
-            <button key=${completion} class="button" type="button" aria-pressed=${attempt.completion === completion} disabled=${isBusy} onClick=${() => act(() => api.exams.setCompletion(exam.id, attempt.number, { completion }))}>${name}</button>`)}</p></fieldset>`)}
+          <p class="row">${COMPLETIONS.map(completion => html`
+            <button key=${completion} class="button" type="button" aria-pressed=${attempt.completion === completion} disabled=${isBusy} onClick=${() => act(() => api.exams.setCompletion(exam.id, attempt.number, { completion }))}>${words.completionChoices[completion]}</button>`)}</p></fieldset>`)}
         <p class="row">
           ${(isRecording || exam.waiting.some(one => one.is_recording)) && exam.has_agent && html`<button class="button main" type="button" disabled=${isBusy} onClick=${() => act(() => api.boxes.stop(exam.box.id))}>${words.stopBox}</button>`}
           ${!isRecording && left > 0 && isReady && html`

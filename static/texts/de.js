@@ -3189,11 +3189,10 @@ export default {
       refused: 'Die Qualitätsprüfung lehnte die Aufnahme ab. Die Seite der Sitzung sagt, warum.',
       failed: 'Es wurde nichts aufgenommen, oder die Aufnahme ließ sich nicht messen. Solange die Prüfung läuft, kann die Administration den Versuch streichen.',
     },
-    completions: { completed: 'Zu Ende geführt', broken_off: 'Nicht zu Ende geführt' },
+    notCompleted: 'Nicht zu Ende geführt',
     wasCompleted: number => `Wurde die Aufgabe von Versuch ${number} zu Ende geführt?`,
     wasCompletedHint: 'Ein Versuch, der abgebrochen wurde, ist nicht bestanden, was auch immer die Zahlen sagen.',
-    yesCompleted: 'Zu Ende geführt',
-    noBrokenOff: 'Abgebrochen',
+    completionChoices: { completed: 'Zu Ende geführt', broken_off: 'Abgebrochen' },
     brokenOff: 'Abgebrochen nach Angabe der Prüferin oder des Prüfers: Er ist nicht bestanden.',
     isCompleted: 'Zu Ende geführt nach Angabe der Prüferin oder des Prüfers.',
     causes: {

@@ -23,7 +23,7 @@ function Attempt({ attempt, onVoid }) {
   const { number: at, state, outcome, cause, completion, session, voided_at: voided, void_reason: why, voided_by: who } = attempt;
   return html`
     <article class="stack tight">
-      <h3>${words.attempt(at)} ${completion === 'broken_off' ? html`<span class="pill bad">${words.completions.broken_off}</span>` : outcome ? html`<span class=${`pill ${TONES[outcome]}`}>${words.outcomes[outcome]}</span>`
+      <h3>${words.attempt(at)} ${completion === 'broken_off' ? html`<span class="pill bad">${words.notCompleted}</span>` : outcome ? html`<span class=${`pill ${TONES[outcome]}`}>${words.outcomes[outcome]}</span>`
         : html`<span class="pill">${words.attemptStates[state]}</span>`}${voided && html` <span class="pill">${words.voided}</span>`}</h3>
       <p class="small muted">${dateTime(attempt.began_at)}${session && html` · <a href=${href(['sessions', session])}>${words.session}</a>`}</p>
       ${completion && html`<p class="small">${completion === 'broken_off' ? words.brokenOff : words.isCompleted}</p>`}
