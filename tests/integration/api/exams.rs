@@ -595,7 +595,7 @@ async fn a_broken_off_or_interrupted_attempt_is_never_passed() {
     sender.wait_for_ack(json!([[0, 2]])).await;
     drop(sender); // staff end it from elsewhere
     let end = format!("/api/v1/sessions/{}/end", welcome["session"].as_str().unwrap());
-    poll_json("the end", async || json!(post(instructor, &end).await.status().as_u16()), |status| status == &200).await;
+    poll_json("the end", async || json!(post(instructor, &end).await.status().as_u16()), |status| *status == 200).await;
     instructor.read_until(&exam, |exam| exam["attempts"][0]["state"] == "scoring").await;
     of.planter.finish_next(vec![duration(20.0, 1.0)]).await;
     let judged = instructor.read(&exam).await;
