@@ -195,6 +195,7 @@ impl SessionStore<'_> {
                 async move |tx| {
                     if !scope.is_service() {
                         refuse_if_of_exam(tx, id).await?;
+                        refuse_twins_of_exam(tx, id).await?;
                     }
                     skill_models::withdraw_of_session(tx, id, now_ms).await?;
                     forget_box_jobs_of_session(tx, id).await?;
@@ -216,6 +217,17 @@ impl SessionStore<'_> {
     }
 }
 
+/// Refuses to erase a session alone if a hidden session with its recording is an attempt of an exam. Erasing the person
+/// erases both.
+async fn refuse_twins_of_exam(tx: &mut SqliteConnection, id: SessionId) -> StoreResult<()> {
+    let select = sqlx::query_scalar(SELECT_TWINS).bind(id).bind(Json([id]));
+    let twins: Vec<SessionId> = select.fetch_all(&mut *tx).await?;
+    for twin in twins {
+        refuse_if_of_exam(tx, twin).await?;
+    }
+    Ok(())
+}
+
 /// Erases the hidden sessions with the same recordings as these sessions, which are erased together. Call it before they are
 /// erased.
 pub(in crate::store) async fn erase_twins(
@@ -229,9 +241,6 @@ pub(in crate::store) async fn erase_twins(
         let twins: Vec<SessionId> = select.fetch_all(&mut *tx).await?;
         certificates::mark(tx, scope, &twins, CertificateEventKind::SessionErased, now_ms).await?;
         for twin in twins {
-            if !scope.is_service() {
-                refuse_if_of_exam(tx, twin).await?;
-            }
             sqlx::query(DELETE_SESSION).bind(twin).execute(&mut *tx).await?;
         }
     }
