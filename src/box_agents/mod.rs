@@ -23,7 +23,7 @@ use tokio::time::timeout;
 
 use check_in_code::CheckInCodes;
 
-use crate::domain::box_agent::messages::{NamedTask, NamedTrainee, StartCommand, ToAgent};
+use crate::domain::box_agent::messages::{CheckInEnd, NamedTask, NamedTrainee, StartCommand, ToAgent};
 use crate::domain::box_agent::state::AgentState;
 use crate::domain::box_agent::{CHECK_IN_IDLE, SILENT_AFTER};
 use crate::domain::scope::Scope;
@@ -59,9 +59,13 @@ struct BoxEntry {
     link: Option<AgentLink>,
     program: String,
     state: Option<AgentState>,
+    /// True if it was recording when it was last heard of, also on an earlier connection.
+    was_recording: bool,
     /// When the last message arrived: by the monotonic clock, and epoch ms.
     heard: Option<(i64, i64)>,
     check_in: Option<CheckIn>,
+    /// Why the last check-in ended, if it was ended here, and when, by the monotonic clock, ms.
+    check_in_end: Option<(CheckInEnd, i64)>,
     codes: CheckInCodes,
     /// The address that a code is added to.
     check_in_page: String,
@@ -177,12 +181,9 @@ impl BoxAgents {
         }
     }
 
-    /// True if a box is known to record.
-    pub fn is_recording(&self, of: BoxId) -> bool {
-        let now_ms = self.0.clock.monotonic_ms();
-        let registry = self.lock();
-        let entry = registry.agents.get(&of).filter(|entry| entry.is_online(now_ms));
-        entry.and_then(|entry| entry.state.as_ref()).is_some_and(|state| state.recording.is_some())
+    /// True if a box recorded when it was last heard of: a box without a network records on.
+    pub fn was_recording(&self, of: BoxId) -> bool {
+        self.lock().agents.get(&of).is_some_and(|entry| entry.was_recording)
     }
 
     /// Sends a command and waits for the answer.
@@ -248,7 +249,17 @@ impl BoxAgents {
     pub fn check_in(&self, of: BoxId, trainee: NamedTrainee, scope: Scope, task: Option<NamedTask>) {
         let (active_ms, since_ms) = self.now();
         let check_in = CheckIn { trainee, scope, task, last: None, since_ms, active_ms };
-        self.lock().agents.entry(of).or_default().check_in = Some(check_in);
+        let mut registry = self.lock();
+        let entry = registry.agents.entry(of).or_default();
+        (entry.check_in, entry.check_in_end) = (Some(check_in), None);
+    }
+
+    /// Why the last check-in at a box was ended, for as long as its agent has to hear of it: it may have had no connection
+    /// then.
+    pub fn check_in_end(&self, of: BoxId) -> Option<CheckInEnd> {
+        let now_ms = self.0.clock.monotonic_ms();
+        let ended = self.lock().agents.get(&of)?.check_in_end;
+        ended.filter(|(_, since_ms)| now_ms - since_ms <= millis(CHECK_IN_IDLE)).map(|(why, _)| why)
     }
 
     /// The trainees who are checked in, each with the box and the scope of the check-in.
@@ -258,10 +269,15 @@ impl BoxAgents {
     }
 
     /// Ends the check-in of this trainee at a box, unless another one has checked in meanwhile. True if it has ended.
-    pub fn end_check_in(&self, of: BoxId, trainee: TraineeId) -> bool {
+    pub fn end_check_in(&self, of: BoxId, trainee: TraineeId, why: CheckInEnd) -> bool {
+        let now_ms = self.0.clock.monotonic_ms();
         let mut registry = self.lock();
-        let check_in = registry.agents.get_mut(&of).map(|entry| &mut entry.check_in);
-        check_in.and_then(|check_in| check_in.take_if(|check_in| check_in.trainee.id == trainee)).is_some()
+        let Some(entry) = registry.agents.get_mut(&of) else { return false };
+        let has_ended = entry.check_in.take_if(|check_in| check_in.trainee.id == trainee).is_some();
+        if has_ended {
+            entry.check_in_end = Some((why, now_ms));
+        }
+        has_ended
     }
 
     /// Ends the check-in at a box. Returns it.
@@ -347,6 +363,7 @@ impl AgentConnection {
             check_in.active_ms = now.0;
         }
         let has_ended = entry.end_idle_check_in(now.0);
+        entry.was_recording = state.recording.is_some();
         (entry.state, entry.heard) = (Some(state.limited()), Some(now));
         has_ended
     }

@@ -107,11 +107,44 @@ async fn a_used_code_is_replaced_at_once() {
 
 #[test]
 fn only_the_check_in_of_the_named_trainee_ends() {
-    let agents = BoxAgents::new(ManualClock::at(0));
+    let clock = ManualClock::at(0);
+    let agents = BoxAgents::new(clock.clone());
     let (trainee, scope) = ada();
-    agents.check_in(*BOX, trainee.clone(), scope, None);
-    assert!(!agents.end_check_in(*BOX, TraineeId::at(99)));
-    assert_eq!(agents.check_ins().len(), 1);
-    assert!(agents.end_check_in(*BOX, trainee.id));
-    assert!(agents.check_ins().is_empty() && !agents.end_check_in(*BOX, trainee.id));
+    agents.check_in(*BOX, trainee.clone(), scope.clone(), None);
+    assert!(!agents.end_check_in(*BOX, TraineeId::at(99), CheckInEnd::NoConsent));
+    assert_eq!((agents.check_ins().len(), agents.check_in_end(*BOX)), (1, None));
+    assert!(agents.end_check_in(*BOX, trainee.id, CheckInEnd::NoConsent));
+    assert!(agents.check_ins().is_empty() && !agents.end_check_in(*BOX, trainee.id, CheckInEnd::NoRecord));
+    // An agent that had no connection hears of it later, but not after the person has left.
+    assert_eq!(agents.check_in_end(*BOX), Some(CheckInEnd::NoConsent));
+    clock.advance(CHECK_IN_IDLE + Duration::from_millis(1));
+    assert_eq!(agents.check_in_end(*BOX), None);
+    agents.check_in(*BOX, trainee.clone(), scope.clone(), None);
+    agents.end_check_in(*BOX, trainee.id, CheckInEnd::NoRecord);
+    agents.check_in(*BOX, trainee, scope, None);
+    assert_eq!(agents.check_in_end(*BOX), None);
+}
+
+#[test]
+fn a_box_that_fell_silent_while_it_recorded_counts_as_recording_until_it_says_otherwise() {
+    let clock = ManualClock::at(0);
+    let agents = BoxAgents::new(clock.clone());
+    let recording = RecordingState {
+        recording: FeedId::at(1),
+        trainee: None,
+        task: None,
+        session: None,
+        recorded_s: 1.0,
+        frames: 25,
+    };
+    let connection = agents.connect(*BOX, String::new(), String::new());
+    assert!(!agents.was_recording(*BOX));
+    connection.heard(AgentState { recording: Some(recording), ..AgentState::default() });
+    clock.advance(SILENT_AFTER + Duration::from_millis(1));
+    assert!(agents.was_recording(*BOX) && !agents.view(*BOX).is_online);
+    drop(connection);
+    let connection = agents.connect(*BOX, String::new(), String::new());
+    assert!(agents.was_recording(*BOX), "it has not reported yet");
+    connection.heard(AgentState::default());
+    assert!(!agents.was_recording(*BOX));
 }

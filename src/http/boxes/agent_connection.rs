@@ -215,7 +215,7 @@ impl StandingAgent {
 
     /// A trainee typed code and PIN at the box.
     async fn check_in(&self, app: &App, code: &str, pin: &str) -> Result<(), (CheckInRefusal, u64)> {
-        if app.box_agents.is_recording(self.of) {
+        if app.box_agents.was_recording(self.of) {
             return Err((CheckInRefusal::Recording, 0));
         }
         let code = code.trim().to_lowercase();
@@ -289,7 +289,8 @@ impl App {
             Some(check_in) => Some(Box::new(self.checked_in(check_in).await?)),
             None => None,
         };
-        self.box_agents.send(of, ToAgent::CheckedIn { by, ended: None });
+        let ended = if by.is_none() { self.box_agents.check_in_end(of) } else { None };
+        self.box_agents.send(of, ToAgent::CheckedIn { by, ended });
         Ok(())
     }
 
@@ -304,8 +305,8 @@ impl App {
                     continue;
                 }
             };
-            if ended.is_some() && self.box_agents.end_check_in(of, trainee.id) {
-                tracing::info!(in_box = %of, ?ended, "check-in ended");
+            if let Some(why) = ended.filter(|why| self.box_agents.end_check_in(of, trainee.id, *why)) {
+                tracing::info!(in_box = %of, ?why, "check-in ended");
                 self.box_agents.send(of, ToAgent::CheckedIn { by: None, ended });
             }
         }

@@ -50,8 +50,14 @@ pub async fn check_in(
         None => None,
     };
     app.store.consents().require(&by.scope, trainee.id).await?;
-    if app.box_agents.is_recording(of) {
-        return Err(Refusal::Conflict.with("The box is recording. Check in when the recording has ended."));
+    if app.box_agents.was_recording(of) {
+        let why = match app.box_agents.view(of).is_online {
+            true => "The box is recording. Check in when the recording has ended.",
+            false => {
+                "The box has no connection, and was recording when it was last heard of. Check in when it is back."
+            }
+        };
+        return Err(Refusal::Conflict.with(why));
     }
     let is_at_box = new.code.as_deref().is_some_and(|code| app.box_agents.use_check_in_code(of, code));
     if !is_at_box && (new.code.is_some() || !by.scope.is_staff()) {
