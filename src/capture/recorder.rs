@@ -80,21 +80,11 @@ pub async fn record(
                 break;
             }
         };
-        let frame = match event {
-            SourceEvent::Frame(frame) => timeline.place(frame),
-            SourceEvent::Resumed(_) if drain.is_some() => break,
-            SourceEvent::Resumed(frame) => {
-                tracing::info!(number, "the source is back; the recording continues after a gap");
-                if source.info().is_camera && !rules.holds_controls {
-                    tracing::warn!(
-                        "a camera that was unplugged may have its automatic exposure and white balance on again"
-                    );
-                }
-                let body = RecordBody::Gap { last: number, reason: GapReason::Camera };
-                append(agent, &FeedRecord { epoch: 0, number, body });
-                number += 1;
-                timeline.resume(&frame);
-                timeline.place(frame)
+        let (frame, is_resumed) = match event {
+            SourceEvent::Frame(frame) => (timeline.place(frame), false),
+            SourceEvent::Resumed(frame, arrived) => {
+                timeline.resume(&frame, arrived);
+                (timeline.place(frame), true)
             }
             SourceEvent::Ended => break,
             SourceEvent::Lost(why) => {
@@ -106,9 +96,13 @@ pub async fn record(
         if drain.as_mut().is_some_and(|drain| !drain.takes(&frame, timeline.began)) {
             break;
         }
-        if frame.due_s >= seconds || number >= MAX_FRAMES {
+        if frame.due_s >= seconds || number + u64::from(is_resumed) >= MAX_FRAMES {
             tracing::info!(seconds, number, "the recording has reached its length");
             break;
+        }
+        if is_resumed {
+            append_interruption(agent, number, source.info().is_camera && !rules.holds_controls);
+            number += 1;
         }
         let due = timeline.began + Duration::from_secs_f64(frame.due_s.max(0.0));
         while rules.is_paced && Instant::now() < due && !ending.is_begun() {
@@ -190,11 +184,12 @@ impl Timeline {
         CapturedFrame { time, due_s: frame.due_s + self.offset.1, ..frame }
     }
 
-    /// The source is back with this frame: it was captured as long after the first frame as it arrived after it.
-    fn resume(&mut self, frame: &CapturedFrame) {
+    /// The source is back with this frame: it was captured as long after the first frame as it arrived after it. On a slow
+    /// disk it may have waited since.
+    fn resume(&mut self, frame: &CapturedFrame, arrived: Instant) {
         let (num, den) = self.time_base.fraction();
         let ticks_per_s = f64::from(den) / f64::from(num);
-        let passed_s = self.began.elapsed().as_secs_f64();
+        let passed_s = arrived.saturating_duration_since(self.began).as_secs_f64();
         let resumed_s = passed_s.max(self.time_base.seconds(self.latest) + MIN_GAP_S);
         self.offset = ((resumed_s * ticks_per_s).round() as i64 - frame.time, resumed_s - frame.due_s);
     }
@@ -219,6 +214,16 @@ impl BackgroundSync {
             let _ = running.await; // a panic is logged where it happened
         }
     }
+}
+
+/// Appends the gap of an interruption.
+fn append_interruption(agent: &Agent, number: u64, may_be_automatic: bool) {
+    tracing::info!(number, "the source is back; the recording continues after a gap");
+    if may_be_automatic {
+        tracing::warn!("a camera that was unplugged may have its automatic exposure and white balance on again");
+    }
+    let body = RecordBody::Gap { last: number, reason: GapReason::Camera };
+    append(agent, &FeedRecord { epoch: 0, number, body });
 }
 
 /// Appends a frame; a frame that cannot be sent becomes a gap.
@@ -260,10 +265,8 @@ mod tests {
         }
     }
 
-    #[tokio::test(flavor = "multi_thread")]
-    async fn frames_that_were_captured_before_the_stop_are_recorded_and_later_ones_are_not() {
-        let (_folder, spool, id) = testing::spool(1 << 20);
-        let agent = Agent::new(spool);
+    /// Records what waits in a queue; the first event arrived 12 s ago, and the end of the recording is requested now.
+    async fn drained(agent: &Agent, events: Vec<SourceEvent>) -> EndedRecording {
         let info = SourceInfo {
             codec: crate::domain::feed::FrameCodec::Jpeg,
             size: (64, 48),
@@ -273,9 +276,9 @@ mod tests {
             is_file: false,
             is_camera: true,
         };
-        let (queue, frames) = tokio::sync::mpsc::channel(400);
-        for number in 0..320 {
-            queue.send(SourceEvent::Frame(frame(40 * number))).await.unwrap(); // 12.8 s at 25 Hz
+        let (queue, frames) = tokio::sync::mpsc::channel(events.len());
+        for event in events {
+            queue.send(event).await.unwrap();
         }
         let first_arrived = Instant::now().checked_sub(Duration::from_secs(12));
         let rules = RecordingRules {
@@ -287,10 +290,41 @@ mod tests {
         };
         let ending = Shutdown::new();
         ending.begin();
-        let ended = record(&agent, QueuedCamera(info, frames), rules, &ending).await;
+        let ended = record(agent, QueuedCamera(info, frames), rules, &ending).await;
+        drop(queue);
+        ended
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn frames_that_were_captured_before_the_stop_are_recorded_and_later_ones_are_not() {
+        let (_folder, spool, id) = testing::spool(1 << 20);
+        let agent = Agent::new(spool);
+        let queued = (0..320).map(|number| SourceEvent::Frame(frame(40 * number))); // 12.8 s at 25 Hz
+        let ended = drained(&agent, queued.collect()).await;
         assert!((300..=302).contains(&ended.frames), "12 s at 25 Hz: {}", ended.frames);
         assert_eq!(agent.spool().get(id).unwrap().end, ended.frames);
-        drop(queue);
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn frames_after_a_replug_that_wait_for_the_disk_are_recorded_at_the_time_of_their_arrival() {
+        let (_folder, spool, id) = testing::spool(1 << 20);
+        let agent = Agent::new(spool);
+        let mut queued: Vec<SourceEvent> = (0..10).map(|number| SourceEvent::Frame(frame(40 * number))).collect();
+        let replugged = Instant::now().checked_sub(Duration::from_secs(4)).unwrap(); // 8 s after the first frame
+        queued.push(SourceEvent::Resumed(frame(7000), replugged));
+        queued.extend((1..125).map(|number| SourceEvent::Frame(frame(7000 + 40 * number)))); // 5 s at 25 Hz
+        let ended = drained(&agent, queued).await;
+        assert!((110..=113).contains(&ended.frames), "10, a gap, and 4 s at 25 Hz: {}", ended.frames);
+        let mut spool = agent.spool();
+        let mut record_at = |number: u64| {
+            let entry = spool.get(id).unwrap().at_or_after(number).unwrap();
+            spool.read(id, entry).unwrap()
+        };
+        let gap = record_at(10);
+        assert!(matches!(FeedRecord::read(&gap).unwrap().body, RecordBody::Gap { reason: GapReason::Camera, .. }));
+        let resumed = record_at(11);
+        let RecordBody::Frame { time, .. } = FeedRecord::read(&resumed).unwrap().body else { panic!("no frame") };
+        assert!((7_990..8_200).contains(&time), "{time} ms");
     }
 
     #[test]
@@ -298,7 +332,7 @@ mod tests {
         let mut timeline = Timeline::new([1, 1000].try_into().unwrap(), None);
         let mut times: Vec<i64> = [0, 40, 80].map(|time| timeline.place(frame(time)).time).into();
         for first in [0, 5000] {
-            timeline.resume(&frame(first));
+            timeline.resume(&frame(first), Instant::now());
             times.extend([first, first + 40].map(|time| timeline.place(frame(time)).time));
         }
         assert_eq!(times[..3], [0, 40, 80]);

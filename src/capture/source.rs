@@ -51,8 +51,8 @@ pub struct SourcePatience {
 pub enum SourceEvent {
     /// The next frame.
     Frame(CapturedFrame),
-    /// The first frame after an interruption. Its times begin anew.
-    Resumed(CapturedFrame),
+    /// The first frame after an interruption, and when it arrived. Its times begin anew.
+    Resumed(CapturedFrame, Instant),
     /// The source has come to its own end.
     Ended,
     /// The source is lost: why.
@@ -139,7 +139,7 @@ impl RecordedSource {
                             *silent_at = Instant::now() + silence;
                             return match self.outage.take() {
                                 None => SourceEvent::Frame(frame),
-                                Some(_) => SourceEvent::Resumed(frame),
+                                Some(_) => SourceEvent::Resumed(frame, Instant::now()),
                             };
                         }
                         Some(Err(why)) => why,

@@ -217,9 +217,9 @@ impl CameraKeeper {
     }
 
     async fn take(&self, frame: CapturedFrame, is_first: bool) {
+        let now = Instant::now();
         let recording = {
             let mut view = self.view();
-            let now = Instant::now();
             (view.is_open, view.missing) = (true, None);
             view.arrivals.push_back(now);
             while view.arrivals.front().is_some_and(|arrived| now - *arrived > RATE_WINDOW) {
@@ -232,7 +232,7 @@ impl CameraKeeper {
             view.recording.clone()
         };
         let Some(recording) = recording else { return };
-        let event = if is_first { SourceEvent::Resumed(frame) } else { SourceEvent::Frame(frame) };
+        let event = if is_first { SourceEvent::Resumed(frame, now) } else { SourceEvent::Frame(frame) };
         // A disk that is slower than the camera slows the reader down.
         if recording.send(event).await.is_err() {
             self.end();
@@ -298,17 +298,20 @@ impl FrameSource for RecordedCamera {
     async fn next(&mut self) -> SourceEvent {
         loop {
             match self.frames.recv().await {
-                Some(SourceEvent::Frame(frame) | SourceEvent::Resumed(frame)) if self.needs_key && !frame.is_key => {}
+                Some(SourceEvent::Frame(frame) | SourceEvent::Resumed(frame, _)) if self.needs_key && !frame.is_key => {
+                }
                 Some(SourceEvent::Frame(frame)) => {
                     self.needs_key = false;
                     return SourceEvent::Frame(self.shifted(frame));
                 }
                 // Before the first frame there is nothing to resume.
-                Some(SourceEvent::Resumed(frame)) if self.first.is_none() => {
+                Some(SourceEvent::Resumed(frame, _)) if self.first.is_none() => {
                     self.needs_key = false;
                     return SourceEvent::Frame(self.shifted(frame));
                 }
-                Some(SourceEvent::Resumed(frame)) => return SourceEvent::Resumed(self.shifted(frame)),
+                Some(SourceEvent::Resumed(frame, arrived)) => {
+                    return SourceEvent::Resumed(self.shifted(frame), arrived);
+                }
                 Some(other) => return other,
                 None => return SourceEvent::Ended,
             }
@@ -354,10 +357,10 @@ mod tests {
         for (time, is_key) in [(7000, false), (7040, true), (7080, false)] {
             sender.send(SourceEvent::Frame(frame(time, is_key))).await.unwrap();
         }
-        sender.send(SourceEvent::Resumed(frame(5, true))).await.unwrap();
+        sender.send(SourceEvent::Resumed(frame(5, true), Instant::now())).await.unwrap();
         drop(sender);
         let mut times = Vec::new();
-        while let SourceEvent::Frame(frame) | SourceEvent::Resumed(frame) = camera.next().await {
+        while let SourceEvent::Frame(frame) | SourceEvent::Resumed(frame, _) = camera.next().await {
             times.push(frame.time);
         }
         assert_eq!(times, [0, 40, 5 - 7040], "the recorder places the resumed one");
