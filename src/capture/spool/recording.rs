@@ -6,6 +6,8 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::segment::{RecordEntry, SpoolSegment, sync_folder};
 use crate::domain::feed::messages::Hello;
 use crate::domain::feed::numbers::FrameNumbers;
@@ -14,11 +16,22 @@ use crate::domain::feed::record::{FeedRecord, GapReason, RecordBody};
 const HELLO: &str = "hello.json";
 const BOX: &str = "box";
 const SOURCE_LOST: &str = "source-lost";
+/// Exists until the start of the recording is corrected.
+const START: &str = "start.json";
 /// The file of a recording without a name, and its name until it is complete.
 const FILE: &str = "recording.mp4";
 const UNFINISHED_FILE: &str = "recording.new";
 /// Exists once the number of frames was sent to the server: only then can an ended recording be complete.
 const CLOSING: &str = "closing";
+
+/// A moment since the computer was started. Nothing sets this clock, and it ends with a restart of the computer.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StartMoment {
+    /// Id of the computer's start.
+    pub boot: String,
+    /// Time since then, ms.
+    pub since_boot_ms: i64,
+}
 
 /// A recording in the spool.
 #[derive(Debug)]
@@ -27,6 +40,9 @@ pub struct SpooledRecording {
     pub hello: Hello,
     /// The box given to the agent at recording time; `None` for recordings of earlier versions.
     pub in_box: Option<String>,
+    /// When it began, if the clock of the computer was not compared with the server by then: the hello may have a wrong
+    /// time.
+    pub uncorrected_start: Option<StartMoment>,
     /// Why it ended, if its source was lost.
     pub source_lost: Option<String>,
     /// The numbers that the server has.
@@ -35,6 +51,8 @@ pub struct SpooledRecording {
     pub end: u64,
     /// Length of its file, bytes; 0: there is none.
     pub(super) file_bytes: u64,
+    /// What its file will have at most, while it is written; 0: it is not written.
+    pub(super) unfinished_bytes: u64,
     pub(super) folder: PathBuf,
     pub(super) segments: VecDeque<SpoolSegment>,
     next_serial: u64,
@@ -48,14 +66,19 @@ pub struct SpooledRecording {
 
 impl SpooledRecording {
     /// Creates a recording; its folder and hello are then on the disk.
-    pub(super) fn create(folder: PathBuf, hello: Hello, in_box: &str) -> io::Result<Self> {
+    pub(super) fn create(folder: PathBuf, hello: Hello, in_box: &str, start: Option<StartMoment>) -> io::Result<Self> {
         fs::create_dir(&folder)?;
         let mut file = File::create(folder.join(BOX))?;
         file.write_all(in_box.as_bytes())?;
         file.sync_all()?;
+        if let Some(start) = &start {
+            let mut file = File::create(folder.join(START))?;
+            file.write_all(&serde_json::to_vec(start)?)?;
+            file.sync_all()?;
+        }
         write_hello(&folder, &hello)?; // last: it makes the folder a recording
         folder.parent().map_or(Ok(()), sync_folder)?;
-        Ok(Self::new(folder, hello, Some(in_box.to_owned())))
+        Ok(Self { uncorrected_start: start, ..Self::new(folder, hello, Some(in_box.to_owned())) })
     }
 
     /// Opens a recording of an earlier run; its last segment may be cut off.
@@ -76,6 +99,13 @@ impl SpooledRecording {
                 recording.segments.push_back(segment);
             }
         }
+        recording.uncorrected_start = match fs::read(folder.join(START)) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+            // A damaged file: the start is of no known boot, so its time is not used.
+            read => {
+                Some(serde_json::from_slice(&read?).unwrap_or(StartMoment { boot: String::new(), since_boot_ms: 0 }))
+            }
+        };
         recording.source_lost = fs::read_to_string(folder.join(SOURCE_LOST)).ok();
         recording.is_closing = folder.join(CLOSING).exists();
         remove_if_there(&folder.join(UNFINISHED_FILE))?;
@@ -87,10 +117,12 @@ impl SpooledRecording {
         Self {
             hello,
             in_box,
+            uncorrected_start: None,
             source_lost: None,
             durable: FrameNumbers::default(),
             end: 0,
             file_bytes: 0,
+            unfinished_bytes: 0,
             folder,
             segments: VecDeque::new(),
             next_serial: 0,
@@ -116,20 +148,43 @@ impl SpooledRecording {
         self.folder.join(UNFINISHED_FILE)
     }
 
+    /// True while its file is written, until it is complete or given up.
+    pub fn is_writing_file(&self) -> bool {
+        self.unfinished_bytes > 0
+    }
+
+    /// Length of its records, bytes.
+    pub(super) fn record_bytes(&self) -> u64 {
+        self.segments.iter().map(|segment| segment.bytes).sum()
+    }
+
     /// Corrects when it began.
     pub(super) fn set_start(&mut self, began_at: String) -> io::Result<()> {
-        self.hello.began_at = began_at;
-        write_hello(&self.folder, &self.hello)
+        let hello = Hello { began_at, ..self.hello.clone() };
+        write_hello(&self.folder, &hello)?;
+        self.hello = hello;
+        remove_if_there(&self.folder.join(START))?; // if it stays, the start is corrected once more, to the same time
+        self.uncorrected_start = None;
+        Ok(())
     }
 
     /// The file is complete: it gets its name in one step.
     pub(super) fn finish_file(&mut self) -> io::Result<()> {
         let new = self.unfinished_file();
-        File::open(&new)?.sync_all()?;
+        let bytes = fs::metadata(&new)?.len();
         fs::rename(&new, self.folder.join(FILE))?;
-        sync_folder(&self.folder)?;
-        self.file_bytes = fs::metadata(self.folder.join(FILE))?.len();
-        Ok(())
+        (self.file_bytes, self.unfinished_bytes) = (bytes, 0);
+        sync_folder(&self.folder)
+    }
+
+    /// Gives up a file that is being written; the records stay. `false` if none is.
+    pub(super) fn give_up_file(&mut self) -> io::Result<bool> {
+        if self.unfinished_bytes == 0 {
+            return Ok(false);
+        }
+        self.unfinished_bytes = 0; // its writer stops at the next frame
+        empty_and_remove(&self.unfinished_file())?;
+        Ok(true)
     }
 
     /// Removes the file; the records stay. `false` if there is none.
@@ -137,7 +192,7 @@ impl SpooledRecording {
         if self.file_bytes == 0 {
             return Ok(false);
         }
-        remove_if_there(&self.folder.join(FILE))?;
+        empty_and_remove(&self.folder.join(FILE))?;
         self.file_bytes = 0;
         Ok(true)
     }
@@ -305,6 +360,16 @@ impl SpooledRecording {
         self.drop_acknowledged()?;
         Ok(true)
     }
+}
+
+/// Removes a file that another thread may have open. A file takes space for as long as it is open, so it is emptied first.
+fn empty_and_remove(path: &Path) -> io::Result<()> {
+    match File::options().write(true).open(path) {
+        Ok(file) => file.set_len(0)?,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(error),
+    }
+    remove_if_there(path)
 }
 
 fn remove_if_there(path: &Path) -> io::Result<()> {

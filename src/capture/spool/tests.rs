@@ -111,6 +111,30 @@ proptest! {
 }
 
 #[test]
+fn the_file_of_a_recording_needs_space_and_is_given_up_before_any_frame() {
+    let (_folder, mut spool, id) = spool(SMALL);
+    add(&mut spool, 0..50);
+    spool.end_live();
+    assert_eq!(spool.begin_file(id), Err(NoSpace::Spool { missing: 2 * 50 * 132 - SMALL }));
+    assert!(!spool.get(id).unwrap().is_writing_file());
+    spool.max_bytes = 2 * SMALL;
+    spool.begin_file(id).unwrap();
+    let unfinished = spool.get(id).unwrap().unfinished_file();
+    let mut file = fs::File::create(&unfinished).unwrap();
+    file.write_all(&[1; 4000]).unwrap();
+    assert_eq!(spool.bytes(), 2 * 50 * 132, "its space is reserved");
+    let live = spool.begin(hello(1_795_000_009_000), "box-1").unwrap();
+    add(&mut spool, 0..70);
+    assert!(!spool.get(id).unwrap().is_writing_file() && !unfinished.exists());
+    assert_eq!(file.metadata().unwrap().len(), 0, "its space is free although it is open");
+    for (recording, frames) in [(id, 50), (live, 70)] {
+        let (kept, gaps) = held(&mut spool, recording);
+        assert!(kept.contains_all(0, frames - 1) && gaps.is_empty(), "{kept:?} {gaps:?}");
+    }
+    assert!(matches!(spool.begin_file(id), Err(NoSpace::Spool { .. })), "the frames have precedence");
+}
+
+#[test]
 fn what_is_acknowledged_goes_in_whole_segments() {
     let (_folder, mut spool, id) = spool(SMALL);
     add(&mut spool, 0..35);
