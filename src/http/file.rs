@@ -90,15 +90,16 @@ fn set_header(response: &mut Response, name: HeaderName, value: &str) {
 pub fn disposition(kind: &str, filename: &str) -> String {
     let harmless = |c: char| if c.is_ascii_alphanumeric() || " ._-()".contains(c) { c } else { '_' };
     let plain: String = filename.chars().map(harmless).collect();
-    let encoded: String = filename.bytes().map(percent_encoded).collect();
-    format!("{kind}; filename=\"{plain}\"; filename*=UTF-8''{encoded}")
+    format!("{kind}; filename=\"{plain}\"; filename*=UTF-8''{}", percent_encoded(filename))
 }
 
-fn percent_encoded(byte: u8) -> String {
-    match byte {
+/// All but letters, digits and some marks as `%XX`.
+pub fn percent_encoded(text: &str) -> String {
+    let encoded = |byte: u8| match byte {
         b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'.' | b'_' | b'-' => char::from(byte).to_string(),
         _ => format!("%{byte:02X}"),
-    }
+    };
+    text.bytes().map(encoded).collect()
 }
 
 #[cfg(test)]

@@ -57,10 +57,12 @@ function Screen() {
   const isUnnamed = Boolean(running && running.trainee === null);
   const hasWho = state?.checked_in ? Boolean(state.checked_in.task) : !state?.requires_check_in;
   const mayStart = Boolean(hasWho && state?.state.camera.is_open);
-  const press = async () => {
+  const press = async ({ withoutName = false } = {}) => {
     if (!state || performance.now() - pressedAt.current < DOUBLE_PRESS_MS) return;
     pressedAt.current = performance.now();
-    setWhy(await ask(running ? '/stop' : '/start'));
+    const refused = await ask(running ? '/stop' : '/start', running ? {} : { without_name: withoutName });
+    const needsButton = !running && !state.checked_in && !state.requires_check_in && !withoutName && state.needs_unnamed_button;
+    setWhy(refused && needsButton ? words.needsButton : refused);
   };
   const latest = useRef(press);
   latest.current = press;
@@ -93,12 +95,13 @@ function Screen() {
       ${!running && !state.checked_in && html`<${CheckInWays} state=${state} />`}
       ${why && html`<p class="notice warn" role="alert"><strong>${why}</strong></p>`}
       ${(running || state.checked_in) && html`<button class=${`press ${running ? 'stop' : ''}`} type="button"
-        disabled=${!running && !mayStart} onClick=${press}>${running ? words.stop : words.start}</button>
+        disabled=${!running && !mayStart} onClick=${() => press()}>${running ? words.stop : words.start}</button>
         <p class="muted">${words.keyHint(keyName(key))}</p>`}
       ${!running && !state.checked_in && !state.requires_check_in && html`
         <section class="stack tight">
-          <p class="row"><button class="button" type="button" disabled=${!mayStart} onClick=${press}>${words.unnamedStart}</button>
-            <span class="muted">${words.keyHint(keyName(key))}</span></p>
+          <p class="row"><button class="button" type="button" disabled=${!mayStart}
+            onClick=${() => press({ withoutName: true })}>${words.unnamedStart}</button>
+            ${!state.needs_unnamed_button && html`<span class="muted">${words.keyHint(keyName(key))}</span>`}</p>
           <p class="muted">${words.unnamedHint}</p>
         </section>`}
     </main>`;

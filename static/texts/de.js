@@ -1927,7 +1927,7 @@ export default {
     recording: time => `Nimmt auf, ${time}`,
     cameraMissing: 'Kamera fehlt',
     clockWrong: 'Uhr geht falsch',
-    refused: 'Eine Aufnahme wurde abgelehnt',
+    refused: 'Eine Aufnahme kann nicht gesendet werden',
     install: 'Den Befehl zeigen',
     neverBody: 'An dieser Box steht kein Agent bereit. Mit einem Befehl hält ein Rechner neben der Box die Kamera bereit und nimmt auf, wenn Sie hier starten.',
     silentBody: 'Von der Box ist nichts zu hören. Prüfen Sie, ob ihr Rechner eingeschaltet und mit dem Netz verbunden ist. Was sie aufgenommen hat, ist nicht verloren; den Rest sendet sie, wenn sie wieder da ist.',
@@ -2024,6 +2024,7 @@ export default {
     unnamed: 'Ohne Namen',
     unnamedRuns: 'Diese Aufnahme wartet nach ihrem Ende auf einen Namen. Anmelden können Sie sich danach; das gibt ihr keinen Namen.',
     unnamedStart: 'Ohne Namen aufnehmen',
+    needsButton: 'Taste und Pedal starten jetzt nicht, weil die letzte Anmeldung beendet oder abgelehnt wurde. Melden Sie sich an, oder drücken Sie „Ohne Namen aufnehmen“, wenn eine andere Person trainiert.',
     unnamedHint: 'Die Aufnahme wartet dann, bis Lehrende ihr einen Namen geben. Bis dahin wird sie nicht ausgewertet.',
     unnamedStates: {
       kept: 'Die letzte Aufnahme hat noch keinen Namen. Sie liegt hier und wird an den Server gesendet.',

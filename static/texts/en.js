@@ -1778,7 +1778,7 @@ export default {
     recording: time => `Recording ${time}`,
     cameraMissing: 'Camera missing',
     clockWrong: 'Clock is wrong',
-    refused: 'A recording was refused',
+    refused: 'A recording cannot be sent',
     install: 'Show the command',
     neverBody: 'No agent stands by at this box. With one command, a computer beside the box keeps the camera ready and records when you start it here.',
     silentBody: 'The box is not heard of. Look whether its computer is switched on and connected to the network. Nothing that it has recorded is lost; it sends the rest when it is back.',
@@ -1875,6 +1875,7 @@ export default {
     unnamed: 'Without a name',
     unnamedRuns: 'This recording waits for a name when it has ended. A check-in is possible after it, and does not name it.',
     unnamedStart: 'Record without a name',
+    needsButton: 'Key and pedal do not start now, because the last check-in was ended or refused. Check in, or press “Record without a name” if another person trains.',
     unnamedHint: 'It then waits until staff give it a name. Until then it is not scored.',
     unnamedStates: {
       kept: 'The last recording has no name yet. It is kept here and sent to the server.',

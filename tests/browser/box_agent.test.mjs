@@ -147,6 +147,35 @@ test('without a check-in a recording waits for a name', async () => {
   await admin.takePictures('waiting');
 });
 
+test('after a check-in that was ended, the pedal starts no recording without a name, and the button does', async () => {
+  const gone = await admin.create('trainees', { name: `Gone ${mark}` });
+  const send = (path, method, body) =>
+    admin.page.evaluate(
+      async ([at, how, what]) => (await fetch(at, { method: how, headers: { 'content-type': 'application/json' }, body: what && JSON.stringify(what) })).ok,
+      [path, method, body],
+    );
+  await waitUntil(async () => !(await screenState()).state.recording, 'the end of the recording');
+  assert.ok(await send(`/api/v1/boxes/${made.box.code}/check-in`, 'PUT', { trainee: gone.id }));
+  await screen.page.getByText(`Gone ${mark}`).waitFor();
+  assert.ok(await send(`/api/v1/trainees/${gone.id}`, 'DELETE'));
+  await screen.page.getByText('The check-in has ended, because the record was changed').waitFor();
+  await waitUntil(async () => {
+    await screen.page.keyboard.press('Space'); // ignored for a second after the last press
+    return screen.page.getByText('Key and pedal do not start now').isVisible();
+  }, 'the refusal');
+  assert.deepEqual(await violationsOf(screen.page), []);
+  await screen.takePictures('needs-button');
+  await waitUntil(async () => {
+    await button(screen, 'Record without a name').click({ timeout: 500 }).catch(() => {}); // as above
+    return (await screenState()).state.recording;
+  }, 'the recording');
+  await screen.page.getByText('Without a name', { exact: true }).waitFor();
+  await waitUntil(async () => {
+    await screen.page.keyboard.press('Space');
+    return !(await screenState()).state.recording;
+  }, 'the end of the recording');
+});
+
 test('a trainee checks in from the phone', async () => {
   await waitUntil(async () => (await screenState()).check_in_address, 'the address of the code');
   const { check_in_address: address } = await screenState();

@@ -11,7 +11,7 @@ use tokio_tungstenite::tungstenite::Message;
 use super::Standby;
 use super::clock::ServerClock;
 use crate::capture::connection::{DisconnectOutcome, Socket, outcome_of_close_code};
-use crate::domain::box_agent::messages::{AgentMessage, CheckedIn, StartCommand, ToAgent};
+use crate::domain::box_agent::messages::{AgentMessage, CheckInRefusal, CheckedIn, StartCommand, ToAgent};
 use crate::domain::box_agent::state::ClockState;
 use crate::domain::box_agent::{PROTOCOL, STATE_INTERVAL};
 
@@ -37,7 +37,6 @@ impl Standby {
                 Ok(socket) => self.talk(socket).await,
                 Err(ended) => ended,
             };
-            let is_refused = matches!(ended, DisconnectOutcome::Refused(_));
             let (why, pause) = match ended {
                 DisconnectOutcome::Retry { why, .. } => (why, PAUSE),
                 DisconnectOutcome::Refused(why) => (why, REFUSED_PAUSE),
@@ -50,7 +49,6 @@ impl Standby {
             {
                 let mut facts = self.facts();
                 (facts.is_connected, facts.trouble, facts.check_in_address) = (false, why, None);
-                facts.is_refused = is_refused;
             }
             self.note_change();
             self.end_idle_check_in();
@@ -132,7 +130,8 @@ impl Standby {
             ToAgent::Time { sent_at_ms, server_ms } => {
                 let clock = ClockState::of_exchange(sent_at_ms, server_ms, self.parts().clock.now_ms());
                 if self.note_clock(clock) {
-                    self.note_change(); // recordings may wait for it
+                    self.0.spool_changed.notify_one(); // recordings may wait for it
+                    self.note_change();
                 }
                 return Ok(()); // the next state has it
             }
@@ -166,14 +165,21 @@ impl Standby {
                 if by.as_deref().map(trainee) != facts.checked_in.as_ref().map(trainee) {
                     facts.active = Some(Instant::now());
                 }
+                // Repeated to an agent that knows it already, it would undo what was chosen at the box since.
+                let is_news = facts.checked_in.is_some() || !facts.knows_check_in;
                 if by.is_some() {
-                    (facts.check_in_end, facts.last_unnamed) = (None, None);
-                } else {
-                    facts.check_in_end = ended.or(facts.check_in_end);
+                    (facts.check_in_end, facts.last_unnamed, facts.needs_unnamed_button) = (None, None, false);
+                } else if let Some(why) = ended.filter(|_| is_news) {
+                    (facts.check_in_end, facts.needs_unnamed_button) = (Some((why, Instant::now())), true);
                 }
+                facts.knows_check_in = true;
                 (facts.checked_in, facts.refusal) = (by.map(|by| *by), None);
             }
-            ToAgent::CheckInRefused { why, wait_s } => self.facts().refusal = Some((why, wait_s)),
+            ToAgent::CheckInRefused { why, wait_s } => {
+                let mut facts = self.facts();
+                facts.refusal = Some((why, wait_s));
+                facts.needs_unnamed_button |= why == CheckInRefusal::NoConsent;
+            }
             ToAgent::CheckInAddress { address } => self.facts().check_in_address = Some(address),
         }
         self.note_change();

@@ -26,7 +26,6 @@ pub mod link;
 pub mod recording;
 pub mod unnamed;
 
-use std::collections::HashMap;
 use std::future::Future;
 use std::path::PathBuf;
 use std::pin::Pin;
@@ -45,12 +44,16 @@ use unnamed::{SendFile, UnnamedState};
 use super::Agent;
 use super::connection::Server;
 use super::spool::SpooledRecording;
+use crate::domain::box_agent::CHECK_IN_IDLE;
 use crate::domain::box_agent::messages::{AgentMessage, CheckInEnd, CheckInRefusal, CheckedIn, NamedTask};
 use crate::domain::box_agent::state::{AgentState, ClockState, RecordingState, SpoolState};
 use crate::ids::{FeedId, TaskId, TraineeId};
 use crate::shutdown::Shutdown;
 use crate::time::SharedClock;
 
+/// How long the screen says why a check-in has ended: as long as the person may be there, and no longer, because the next
+/// person need not know.
+const CHECK_IN_END_SHOWN: Duration = CHECK_IN_IDLE;
 /// Messages that may wait for the connection to the server.
 const MAX_WAITING: usize = 16;
 
@@ -71,6 +74,8 @@ pub struct StandbyParts {
     pub spool: PathBuf,
     /// The computer's clock.
     pub clock: SharedClock,
+    /// Id of the computer's start: another one after each restart.
+    pub boot: String,
     /// Holds the camera's automatic controls; `None`: nothing to hold.
     pub hold_controls: Option<HoldControls>,
     /// Sends the file of a recording without a name.
@@ -118,13 +123,14 @@ struct Facts {
     /// When something last happened that keeps the check-in.
     active: Option<Instant>,
     refusal: Option<(CheckInRefusal, u64)>,
+    /// Why a recording stays in the spool although the server is there.
     refused_recording: Option<String>,
-    /// Why the last check-in ended, until the next one.
-    check_in_end: Option<CheckInEnd>,
-    /// True if the server was reached, and refuses this agent.
-    is_refused: bool,
-    /// When recordings began that were started before the server's time was known.
-    uncorrected: HashMap<FeedId, ComputerTime>,
+    /// Why the last check-in ended, and since when that is known.
+    check_in_end: Option<(CheckInEnd, Instant)>,
+    /// True once the server has said who is checked in.
+    knows_check_in: bool,
+    /// True if the person at the box may be one who does not consent: key and pedal start no recording without a name.
+    needs_unnamed_button: bool,
     /// The last recording, if it has no name.
     last_unnamed: Option<(FeedId, UnnamedState)>,
 }
@@ -146,10 +152,12 @@ pub struct ScreenState {
     pub is_clock_wrong: bool,
     /// The trainee who is checked in.
     pub checked_in: Option<CheckedIn>,
-    /// Why the last check-in ended, if neither the trainee nor time ended it.
+    /// Why the last check-in ended, if neither the trainee nor time ended it; for [`CHECK_IN_END_SHOWN`].
     pub check_in_end: Option<CheckInEnd>,
     /// True if no recording is made without a name.
     pub requires_check_in: bool,
+    /// True if key and pedal start no recording without a name, but only the button that says so.
+    pub needs_unnamed_button: bool,
     /// What became of the last recording, if it has no name.
     pub last_unnamed: Option<UnnamedState>,
     /// Name of the trainee who is recorded; `None` also for a recording without a name.
@@ -249,8 +257,12 @@ impl Standby {
             is_clock_wrong: state.clock.is_some_and(ClockState::is_wrong),
             state,
             checked_in: facts.checked_in.clone(),
-            check_in_end: facts.check_in_end,
+            check_in_end: facts
+                .check_in_end
+                .filter(|ended| ended.1.elapsed() < CHECK_IN_END_SHOWN)
+                .map(|ended| ended.0),
             requires_check_in: self.parts().requires_check_in,
+            needs_unnamed_button: facts.needs_unnamed_button,
             last_unnamed: facts.last_unnamed.map(|(_, state)| state),
             recorded,
             recorded_task,

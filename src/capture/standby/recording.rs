@@ -6,14 +6,13 @@ use std::time::Duration;
 use tokio::task::{JoinHandle, block_in_place};
 use tokio::time::{Instant, timeout};
 
+use super::Standby;
 use super::camera::RecordedCamera;
-use super::clock::ComputerTime;
 use super::unnamed::{self, UnnamedState};
-use super::{Facts, Standby};
 use crate::capture::recorder::{RecordingRules, record};
 use crate::capture::sender::{SendOutcome, send};
 use crate::capture::source::FrameSource;
-use crate::capture::spool::SpooledRecording;
+use crate::capture::spool::{SpooledRecording, StartMoment};
 use crate::domain::box_agent::messages::{CheckInRefusal, CheckedIn, NamedTask, NamedTrainee};
 use crate::domain::feed::PROTOCOL;
 use crate::domain::feed::messages::Hello;
@@ -30,6 +29,9 @@ const END_TIMEOUT: Duration = Duration::from_secs(12);
 const STOP_PATIENCE: Duration = Duration::from_secs(1);
 /// When a recording that the server refused is offered again: a person may have removed the cause.
 const REFUSED_PAUSE: Duration = Duration::from_secs(15 * 60);
+/// When a recording is tried again that could not be sent for another reason, such as no space for its file. Others are
+/// sent meanwhile.
+const POSTPONED_PAUSE: Duration = Duration::from_secs(60);
 /// How often the spool is looked at without a reason.
 const LOOK_INTERVAL: Duration = Duration::from_secs(30);
 
@@ -59,6 +61,31 @@ pub(super) enum SpoolOutcome {
     Empty,
     /// The server refuses it: why, and what to do. The recording stays in the spool.
     Refused(String),
+    /// It could not be sent now: why, and what to do. The recording stays in the spool.
+    Postponed(String),
+}
+
+/// A recording that could not be sent, and when it is tried again.
+struct Unsent {
+    since: Instant,
+    until: Instant,
+    why: String,
+}
+
+impl Unsent {
+    fn until(pause: Duration, why: String) -> Self {
+        let since = Instant::now();
+        Self { since, until: since + pause, why }
+    }
+}
+
+/// What was pressed at the box to start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StartPress {
+    /// The key, the pedal, or the button that starts a recording of the trainee who is checked in.
+    Start,
+    /// The button that starts a recording without a name.
+    WithoutName,
 }
 
 impl Standby {
@@ -66,13 +93,27 @@ impl Standby {
     ///
     /// # Errors
     /// Why not, for people.
-    pub fn start_at_box(&self) -> Result<(), String> {
+    pub fn start_at_box(&self, press: StartPress) -> Result<(), String> {
         let id = FeedId::at(self.corrected_now_ms());
-        let checked_in = self.facts().checked_in.clone();
-        match checked_in {
-            Some(CheckedIn { trainee, task: Some(task), .. }) => self.start(id, Some(trainee), Some(task)),
-            Some(_) => Err("choose a task first".to_owned()),
-            None => self.start(id, None, None),
+        let (checked_in, needs_button) = {
+            let facts = self.facts();
+            (facts.checked_in.clone(), facts.needs_unnamed_button && !self.parts().requires_check_in)
+        };
+        match (checked_in, press) {
+            (Some(_), StartPress::WithoutName) => Err("a trainee has checked in meanwhile: press Start".to_owned()),
+            (Some(CheckedIn { trainee, task: Some(task), .. }), StartPress::Start) => {
+                self.start(id, Some(trainee), Some(task))
+            }
+            (Some(_), StartPress::Start) => Err("choose a task first".to_owned()),
+            (None, StartPress::Start) if needs_button => {
+                Err("check in first, or press the button Record without a name: the last check-in was ended or refused"
+                    .to_owned())
+            }
+            (None, _) => {
+                self.start(id, None, None)?;
+                self.facts().needs_unnamed_button = false;
+                Ok(())
+            }
         }
     }
 
@@ -98,9 +139,10 @@ impl Standby {
         }
         let camera = self.parts().camera.begin().ok_or("the camera is missing")?;
         let began = camera.first_arrived.unwrap_or_else(Instant::now);
-        self.note_uncorrected(id, began);
+        let start = self.uncorrected_start(began);
         let hello = self.hello(id, (trainee.as_ref(), task.as_ref()), &camera);
-        let begun = block_in_place(|| self.parts().agent.spool().begin(hello, self.parts().server.in_box()));
+        let in_box = self.parts().server.in_box();
+        let begun = block_in_place(|| self.parts().agent.spool().begin_uncorrected(hello, in_box, start));
         if let Err(error) = begun {
             self.parts().camera.end();
             return Err(format!("the spool cannot be written ({error}): free space on the computer of the box"));
@@ -230,46 +272,57 @@ impl Standby {
     /// Sends what the spool holds: the recording that runs first, then the others, the oldest first.
     pub(super) async fn send_spool(self) {
         let agent = &self.parts().agent;
-        let mut refused: HashMap<FeedId, Instant> = HashMap::new();
+        let mut unsent: HashMap<FeedId, Unsent> = HashMap::new();
         loop {
-            refused.retain(|_, since| since.elapsed() < REFUSED_PAUSE);
-            let next = {
-                let spool = agent.spool();
-                let live = spool.live();
-                let is_unnamed = |id: &FeedId| spool.get(*id).is_some_and(SpooledRecording::is_unnamed);
-                let mut waiting = live.into_iter().chain(spool.ids());
-                waiting.find(|id| !refused.contains_key(id) && (live != Some(*id) || !is_unnamed(id)))
-            };
-            let Some(id) = next else {
+            let Some(id) = self.next_to_send(&unsent) else {
                 let _ = timeout(LOOK_INTERVAL, self.0.spool_changed.notified()).await;
                 continue;
             };
             let was_live = agent.spool().live() == Some(id);
             tokio::select! {
-                outcome = self.send_one(id) => match outcome {
-                    SpoolOutcome::Sent => self.facts().refused_recording = None,
-                    SpoolOutcome::Empty => {}
-                    SpoolOutcome::Refused(why) => {
-                        refused.insert(id, Instant::now());
-                        self.facts().refused_recording = Some(why);
-                        self.end_refused(id);
-                        // The server had ended the recording, and does not take the rest, for example since the person
-                        // has withdrawn the consent.
-                        let live = agent.spool().live();
-                        if let Some(rest) = live.filter(|live| was_live && *live != id) {
-                            refused.insert(rest, Instant::now());
-                            self.end_running(id);
+                outcome = self.send_one(id) => {
+                    unsent.remove(&id);
+                    match outcome {
+                        SpoolOutcome::Sent | SpoolOutcome::Empty => {}
+                        SpoolOutcome::Postponed(why) => drop(unsent.insert(id, Unsent::until(POSTPONED_PAUSE, why))),
+                        SpoolOutcome::Refused(why) => {
+                            unsent.insert(id, Unsent::until(REFUSED_PAUSE, why.clone()));
+                            self.end_refused(id);
+                            // The server had ended the recording, and does not take the rest, for example since the
+                            // person has withdrawn the consent.
+                            let live = agent.spool().live();
+                            if let Some(rest) = live.filter(|live| was_live && *live != id) {
+                                unsent.insert(rest, Unsent::until(REFUSED_PAUSE, why));
+                                self.end_running(id);
+                            }
                         }
                     }
-                },
+                    let newest = unsent.values().max_by_key(|one| one.since);
+                    self.facts().refused_recording = newest.map(|one| one.why.clone());
+                }
                 () = self.another_is_live(id) => {}
             }
             self.note_change();
         }
     }
 
+    /// The recording that is sent next. One without a name is sent when it has ended, and none before its time is known.
+    fn next_to_send(&self, unsent: &HashMap<FeedId, Unsent>) -> Option<FeedId> {
+        let spool = self.parts().agent.spool();
+        let live = spool.live();
+        let may_be_sent = |id: &FeedId| {
+            let is_due = unsent.get(id).is_none_or(|one| one.until <= Instant::now());
+            let recording = spool.get(*id).filter(|recording| is_due && !self.awaits_time(recording));
+            recording.is_some_and(|recording| live != Some(*id) || !recording.is_unnamed())
+        };
+        live.into_iter().chain(spool.ids()).find(may_be_sent)
+    }
+
     async fn send_one(&self, id: FeedId) -> SpoolOutcome {
-        self.correct_start(id).await;
+        if let Err(error) = self.correct_start(id) {
+            let why = format!("the spool cannot be written ({error}): free space on the computer of the box");
+            return SpoolOutcome::Postponed(why);
+        }
         if self.is_unnamed(id) {
             return self.send_unnamed(id).await;
         }
@@ -283,33 +336,27 @@ impl Standby {
         }
     }
 
-    /// Notes when a recording begins, if the server's time is not known yet.
-    fn note_uncorrected(&self, id: FeedId, began: Instant) {
-        let now = self.computer_time();
-        let mut facts = self.facts();
-        if facts.clock.is_none() {
-            let since_boot_ms = now.since_boot_ms - crate::time::millis(began.elapsed());
-            facts.uncorrected.insert(id, ComputerTime { since_boot_ms, ..now });
-        }
+    /// When a recording begins, if the server's time is not known yet.
+    fn uncorrected_start(&self, began: Instant) -> Option<StartMoment> {
+        let since_boot_ms = self.computer_time().since_boot_ms - crate::time::millis(began.elapsed());
+        let is_known = self.facts().clock.is_some();
+        (!is_known).then(|| StartMoment { boot: self.parts().boot.clone(), since_boot_ms })
     }
 
-    /// Gives a recording that began before the server's time was known its right time, as soon as that is known. The server
-    /// hears of the recording afterwards, because it keeps the time that it heard first.
-    async fn correct_start(&self, id: FeedId) {
-        if !self.facts().uncorrected.contains_key(&id) {
-            return;
-        }
-        let is_settled = |facts: &Facts| facts.clock.is_some() || facts.is_refused;
-        let _ = self.0.changes.subscribe().wait_for(|_| is_settled(&self.facts())).await; // the sender lives on
-        let began_ms = {
-            let facts = self.facts();
-            facts.clock.zip(facts.uncorrected.get(&id)).map(|(clock, began)| clock.at_ms(*began))
-        };
-        let Some(began_ms) = began_ms else { return }; // refused: it stays in the spool, and is corrected later
-        if let Err(error) = block_in_place(|| self.parts().agent.spool().set_start(id, to_rfc3339(began_ms))) {
-            tracing::warn!(recording = %id, %error, "the start of a recording was not corrected: the clock was not known");
-        }
-        self.facts().uncorrected.remove(&id);
+    /// True if the server's time has to be known before a recording is sent: the server keeps the time that it hears first.
+    fn awaits_time(&self, recording: &SpooledRecording) -> bool {
+        let is_of_this_boot = |start: &StartMoment| start.boot == self.parts().boot;
+        recording.uncorrected_start.as_ref().is_some_and(is_of_this_boot) && self.facts().clock.is_none()
+    }
+
+    /// Gives a recording that began before the server's time was known its right time, unless the computer was started
+    /// again since.
+    fn correct_start(&self, id: FeedId) -> std::io::Result<()> {
+        let start = self.parts().agent.spool().get(id).and_then(|recording| recording.uncorrected_start.clone());
+        let start = start.filter(|start| start.boot == self.parts().boot);
+        let Some((clock, start)) = self.facts().clock.zip(start) else { return Ok(()) };
+        let began_at = to_rfc3339(clock.at_ms(start.since_boot_ms));
+        block_in_place(|| self.parts().agent.spool().set_start(id, began_at))
     }
 
     fn is_unnamed(&self, id: FeedId) -> bool {
@@ -335,8 +382,9 @@ impl Standby {
     async fn another_is_live(&self, id: FeedId) {
         loop {
             self.0.spool_changed.notified().await;
-            let live = self.parts().agent.spool().live();
-            if live.is_some_and(|live| live != id && !self.is_unnamed(live)) {
+            let spool = self.parts().agent.spool();
+            let other = spool.live().filter(|live| *live != id).and_then(|live| spool.get(live));
+            if other.is_some_and(|other| !other.is_unnamed() && !self.awaits_time(other)) {
                 return;
             }
         }

@@ -4,6 +4,7 @@ use std::process::Command;
 
 use tokio::time::timeout;
 
+use super::recording::StartPress;
 use super::unnamed::{FileOutcome, UnnamedFile};
 use super::*;
 use crate::capture::spool::Spool;
@@ -23,9 +24,18 @@ struct Bench {
     shutdown: Shutdown,
 }
 
+/// Answers to the files that are sent; without an answer, a file is received.
+type Answers = Arc<dyn Fn(&UnnamedFile) -> Option<FileOutcome> + Send + Sync>;
+
 /// An agent whose camera is a clip of one second: its end is that of a camera that is plugged in again at once.
 fn bench() -> Bench {
     let folder = tempfile::tempdir().unwrap();
+    let spool = folder.path().join("spool");
+    bench_with(folder, &spool, "boot 1", Arc::new(|_| None))
+}
+
+/// The same with this spool, after this start of the computer.
+fn bench_with(folder: tempfile::TempDir, spool: &std::path::Path, boot: &str, answers: Answers) -> Bench {
     let clip = folder.path().join("camera.avi");
     let mut ffmpeg = Command::new("ffmpeg");
     ffmpeg.args(["-v", "error", "-f", "lavfi", "-i", "testsrc2=size=64x48:rate=25", "-t", "1", "-c:v", "mjpeg"]);
@@ -34,35 +44,25 @@ fn bench() -> Bench {
     let open: crate::capture::source::OpenSource =
         Arc::new(move |stop| CaptureSource::open(&address, &[], move || stop.load(Ordering::Relaxed)));
     let controls: Arc<Mutex<Vec<&'static str>>> = Arc::default();
-    let noted = controls.clone();
-    let hold_controls: HoldControls = Arc::new(move |release, _, is_held| {
-        let noted = noted.clone();
-        Box::pin(async move {
-            noted.lock().unwrap().push("held");
-            is_held.store(true, Ordering::Release);
-            release.begun().await;
-            noted.lock().unwrap().push("released");
-            is_held.store(false, Ordering::Release);
-        })
-    });
     let sent: Arc<Mutex<Vec<(UnnamedFile, u64)>>> = Arc::default();
     let received = sent.clone();
     let send_file: SendFile = Arc::new(move |file| {
         let mut video = VideoFile::open(std::fs::File::open(&file.path).unwrap(), MediaLimits::default()).unwrap();
         let pictures = std::iter::from_fn(|| video.next_picture().unwrap().map(drop)).count() as u64;
+        let answer = answers(&file).unwrap_or(FileOutcome::Received);
         received.lock().unwrap().push((file, pictures));
-        Box::pin(async { FileOutcome::Received })
+        Box::pin(async { answer })
     });
     std::fs::write(folder.path().join("token"), "trc_x").unwrap();
-    let spool = folder.path().join("spool");
     let shutdown = Shutdown::new();
     let standby = Standby::new(StandbyParts {
-        agent: Agent::new(Spool::open(&spool, 1 << 30).unwrap()),
+        agent: Agent::new(Spool::open(spool, 1 << 30).unwrap()),
         server: Server::new("http://127.0.0.1:9", "box-1", &folder.path().join("token")).unwrap(),
         camera: CameraKeeper::new(open, Duration::from_secs(5), Duration::from_secs(60), false),
-        spool,
+        spool: spool.to_owned(),
         clock: Arc::new(SystemClock),
-        hold_controls: Some(hold_controls),
+        boot: boot.to_owned(),
+        hold_controls: Some(noted_controls(&controls)),
         send_file,
         requires_check_in: false,
         shutdown: shutdown.clone(),
@@ -74,7 +74,36 @@ fn bench() -> Bench {
     Bench { _folder: folder, standby, controls, sent, shutdown }
 }
 
+/// Controls that note when they are held and released.
+fn noted_controls(controls: &Arc<Mutex<Vec<&'static str>>>) -> HoldControls {
+    let noted = controls.clone();
+    Arc::new(move |release, _, is_held| {
+        let noted = noted.clone();
+        Box::pin(async move {
+            noted.lock().unwrap().push("held");
+            is_held.store(true, Ordering::Release);
+            release.begun().await;
+            noted.lock().unwrap().push("released");
+            is_held.store(false, Ordering::Release);
+        })
+    })
+}
+
+/// The clock was compared with the server, which is behind by so much.
+fn compare_clock(standby: &Standby, behind_ms: i64) {
+    assert!(standby.note_clock(ClockState { offset_ms: -behind_ms, uncertainty_ms: 1 }));
+    standby.0.spool_changed.notify_one();
+}
+
 impl Bench {
+    /// Records some frames without a name.
+    async fn record(&self) {
+        self.until(|bench| bench.standby.state().camera.is_open).await;
+        self.standby.start_at_box(StartPress::Start).unwrap();
+        self.until(|bench| bench.standby.state().recording.unwrap().frames > 5).await;
+        self.standby.stop().await.unwrap();
+    }
+
     /// Waits until the agent is in such a state.
     async fn until(&self, wanted: impl Fn(&Self) -> bool) {
         let reached = timeout(DEADLINE, async {
@@ -91,7 +120,7 @@ impl Bench {
 async fn the_controls_are_held_again_when_the_camera_is_back_and_a_recording_without_a_name_is_sent_as_a_file() {
     let bench = bench();
     bench.until(|bench| bench.standby.state().camera.is_open).await;
-    bench.standby.start_at_box().unwrap();
+    bench.standby.start_at_box(StartPress::Start).unwrap();
     bench.until(|bench| bench.controls.lock().unwrap().len() >= 3).await;
     assert_eq!(
         bench.controls.lock().unwrap()[..3],
@@ -105,8 +134,7 @@ async fn the_controls_are_held_again_when_the_camera_is_back_and_a_recording_wit
     // It began before the server was first heard of, and is not sent before its time is known.
     assert_eq!(bench.standby.screen_state().last_unnamed, Some(UnnamedState::Kept));
     let day_ms = 86_400_000;
-    assert!(bench.standby.note_clock(ClockState { offset_ms: -day_ms, uncertainty_ms: 1 }));
-    bench.standby.note_change();
+    compare_clock(&bench.standby, day_ms);
     bench.until(|bench| bench.standby.screen_state().last_unnamed == Some(UnnamedState::Waits)).await;
     let (file, pictures) = bench.sent.lock().unwrap()[0].clone();
     assert!(file.filename.starts_with("box-1 20") && file.task.is_none(), "{file:?}");
@@ -118,5 +146,50 @@ async fn the_controls_are_held_again_when_the_camera_is_back_and_a_recording_wit
     assert!((captured - gaps..captured).contains(&pictures), "{pictures} pictures of {captured} numbers");
     bench.until(|bench| bench.controls.lock().unwrap().last() == Some(&"released")).await;
     assert_eq!(bench.standby.state().spool.recordings, 0);
+    bench.shutdown.begin();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_from_before_the_servers_time_gets_the_right_one_after_a_restart_of_the_agent_only() {
+    let day_ms = 86_400_000;
+    let bench = bench();
+    bench.record().await;
+    assert!(bench.sent.lock().unwrap().is_empty(), "its time is not known");
+    let spool = bench.standby.parts().spool.clone();
+    for (boot, is_corrected) in [("boot 1", true), ("boot 2", false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let copy = folder.path().join("spool");
+        assert!(Command::new("cp").arg("-r").arg(&spool).arg(&copy).status().unwrap().success());
+        let restarted = bench_with(folder, &copy, boot, Arc::new(|_| None));
+        compare_clock(&restarted.standby, day_ms);
+        restarted.until(|bench| bench.standby.state().spool.recordings == 0).await;
+        let (file, _) = restarted.sent.lock().unwrap()[0].clone();
+        let ago_ms = |at: &str| SystemClock.now_ms() - day_ms - crate::time::from_rfc3339(at).unwrap();
+        match file.recorded_at.as_deref() {
+            Some(at) => assert!(is_corrected && (0..20_000).contains(&ago_ms(at)), "{file:?}"),
+            None => assert!(!is_corrected && file.filename == "box-1.mp4", "{file:?}"),
+        }
+        restarted.shutdown.begin();
+    }
+    bench.shutdown.begin();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_recording_that_cannot_be_sent_does_not_keep_the_next_one_from_being_sent() {
+    let folder = tempfile::tempdir().unwrap();
+    let spool = folder.path().join("spool");
+    let first: Arc<Mutex<Option<PathBuf>>> = Arc::default();
+    let answers: Answers = Arc::new(move |file| {
+        let is_first = *first.lock().unwrap().get_or_insert_with(|| file.path.clone()) == file.path;
+        is_first.then(|| FileOutcome::Failed("the server has an internal error".to_owned()))
+    });
+    let bench = bench_with(folder, &spool, "boot 1", answers);
+    bench.record().await;
+    bench.record().await;
+    compare_clock(&bench.standby, 0);
+    bench.until(|bench| bench.standby.screen_state().last_unnamed == Some(UnnamedState::Waits)).await;
+    assert_eq!(bench.sent.lock().unwrap().len(), 4, "three attempts, and the other recording");
+    let state = bench.standby.state().spool;
+    assert_eq!((state.recordings, state.refused.as_deref()), (1, Some("the server has an internal error")));
     bench.shutdown.begin();
 }

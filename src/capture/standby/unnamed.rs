@@ -21,6 +21,8 @@ pub(super) const MAX_SECONDS: f64 = 30.0 * 60.0;
 /// First and longest pause before a recording is sent again; each pause is twice the one before.
 const MIN_PAUSE: Duration = Duration::from_millis(500);
 const MAX_PAUSE: Duration = Duration::from_secs(15);
+/// Failed attempts after which the other recordings come first. Without a connection they could not be sent either.
+const MAX_FAILURES: u32 = 3;
 
 /// The file of a recording without a name.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,8 +42,10 @@ pub struct UnnamedFile {
 pub enum FileOutcome {
     /// The server has it.
     Received,
-    /// Try again later: why.
+    /// The server was not reached, or is busy: why. Try again.
     Retry(String),
+    /// It failed in another way that may pass: why.
+    Failed(String),
     /// The server refuses it: why, and what to do.
     Refused(String),
 }
@@ -65,24 +69,27 @@ impl Standby {
         if let Some(why) = self.parts().server.why_not_of_this_box(&self.parts().agent, id) {
             return SpoolOutcome::Refused(why);
         }
-        let mut pause = MIN_PAUSE;
+        let (mut pause, mut failures) = (MIN_PAUSE, 0);
         loop {
             let agent = self.parts().agent.clone();
             let written = tokio::task::spawn_blocking(move || write_file(&agent, id)).await;
             let outcome = match written {
                 Ok(Ok(true)) => match self.unnamed_file(id) {
                     Some(file) => (self.parts().send_file)(file).await,
-                    None => FileOutcome::Retry("the spool is full, and the file of the recording was dropped".into()),
+                    None => return self.postponed(id, RecordingFileError::GivenUp.to_string()),
                 },
                 Ok(Ok(false)) => {
                     self.remove_sent(id);
                     return SpoolOutcome::Empty;
                 }
+                Ok(Err(error @ (RecordingFileError::NoSpace(_) | RecordingFileError::GivenUp))) => {
+                    return self.postponed(id, error.to_string());
+                }
                 Ok(Err(error @ RecordingFileError::Mux(_))) => FileOutcome::Refused(error.to_string()),
-                Ok(Err(error)) => FileOutcome::Retry(error.to_string()),
+                Ok(Err(error @ RecordingFileError::Disk(_))) => FileOutcome::Failed(error.to_string()),
                 Err(panic) => FileOutcome::Refused(panic.to_string()),
             };
-            match outcome {
+            let why = match outcome {
                 FileOutcome::Received => {
                     self.remove_sent(id);
                     let mut facts = self.facts();
@@ -92,16 +99,31 @@ impl Standby {
                 }
                 FileOutcome::Refused(why) => {
                     let kept = self.parts().agent.spool().path(id);
-                    tracing::error!(recording = %id, why, "the server refused a recording without a name; it stays here");
+                    tracing::error!(recording = %id, why, "a recording without a name is refused; it stays in the spool");
                     return SpoolOutcome::Refused(format!("{why}. The recording stays in {}", kept.display()));
                 }
                 FileOutcome::Retry(why) => {
-                    tracing::warn!(recording = %id, why, "recording without a name not sent; next attempt after a pause");
-                    sleep(pause).await;
-                    pause = (2 * pause).min(MAX_PAUSE);
+                    // A network that breaks for this file only must not keep the others from being sent.
+                    failures += u32::from(self.facts().is_connected);
+                    why
                 }
+                FileOutcome::Failed(why) => {
+                    failures += 1;
+                    why
+                }
+            };
+            if failures >= MAX_FAILURES {
+                return self.postponed(id, why);
             }
+            tracing::warn!(recording = %id, why, "recording without a name not sent; next attempt after a pause");
+            sleep(pause).await;
+            pause = (2 * pause).min(MAX_PAUSE);
         }
+    }
+
+    fn postponed(&self, id: FeedId, why: String) -> SpoolOutcome {
+        tracing::warn!(recording = %id, why, "recording without a name not sent; others come first");
+        SpoolOutcome::Postponed(why)
     }
 
     fn unnamed_file(&self, id: FeedId) -> Option<UnnamedFile> {
@@ -109,13 +131,16 @@ impl Standby {
         let recording = spool.get(id)?;
         let path = recording.file()?;
         let hello = &recording.hello;
-        // A clock that was wrong before the server was first heard of: the time of arrival is nearer to the truth.
+        // The clock was not compared with the server before the computer was started again, or it was ahead: no time is
+        // better than a wrong one.
         let is_past = from_rfc3339(&hello.began_at).is_some_and(|began_ms| began_ms <= self.corrected_now_ms());
+        let recorded_at = Some(hello.began_at.clone()).filter(|_| is_past && recording.uncorrected_start.is_none());
         let in_box = recording.in_box.as_deref().unwrap_or_default();
+        let of_time = recorded_at.as_ref().map(|at| format!(" {}", at.replace(':', "-"))).unwrap_or_default();
         Some(UnnamedFile {
             path,
-            filename: format!("{in_box} {}.mp4", hello.began_at.replace(':', "-")),
-            recorded_at: is_past.then(|| hello.began_at.clone()),
+            filename: format!("{in_box}{of_time}.mp4"),
+            recorded_at,
             task: Some(hello.task.clone()).filter(|task| !task.is_empty()),
         })
     }

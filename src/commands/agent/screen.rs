@@ -20,6 +20,7 @@ use tokio::net::TcpListener;
 use tokio::time::timeout;
 
 use crate::capture::standby::Standby;
+use crate::capture::standby::recording::StartPress;
 use crate::http::dashboard::public_file;
 use crate::shutdown::Shutdown;
 
@@ -135,8 +136,20 @@ async fn state(State(app): State<ScreenApp>, Query(known): Query<StateQuery>) ->
     axum::Json(state).into_response()
 }
 
-async fn start(State(app): State<ScreenApp>) -> Response {
-    answer(app.standby.start_at_box())
+/// Which button was pressed.
+#[derive(Deserialize)]
+struct PressedStart {
+    /// True for the button that starts a recording without a name.
+    #[serde(default)]
+    without_name: bool,
+}
+
+async fn start(State(app): State<ScreenApp>, body: Bytes) -> Response {
+    let Ok(PressedStart { without_name }) = serde_json::from_slice(&body) else {
+        return StatusCode::BAD_REQUEST.into_response();
+    };
+    let press = if without_name { StartPress::WithoutName } else { StartPress::Start };
+    answer(app.standby.start_at_box(press))
 }
 
 async fn stop(State(app): State<ScreenApp>) -> Response {

@@ -4,40 +4,56 @@ use std::time::Duration;
 
 use hyper::http::{HeaderMap, HeaderValue, StatusCode, header};
 use tokio::fs::File;
-use tokio::time::timeout;
 
 use crate::capture::standby::unnamed::{FileOutcome, UnnamedFile};
-use crate::commands::upload::client::{RequestError, ServiceClient};
+use crate::commands::upload::client::{FileLimits, RequestError, ServiceClient};
+use crate::http::file::percent_encoded;
 
-/// Longest time for the answer, on top of that for the bytes: the server hashes the file.
-const ANSWER_TIMEOUT: Duration = Duration::from_secs(300);
-/// Slowest network that is waited for, bytes a second. A connection that was cut without a word ends like this.
-const MIN_BYTES_PER_S: u64 = 20_000;
+/// A minute without a byte is a connection that was cut; the server hashes the file before it answers.
+const LIMITS: FileLimits = FileLimits { stall: Duration::from_secs(60), answer: Duration::from_secs(300) };
 
-/// Sends a file.
+/// Sends a file. If the server does not know its task any more, it is sent without.
 pub(super) async fn send_unnamed(client: &ServiceClient, file: UnnamedFile) -> FileOutcome {
-    let UnnamedFile { path, filename, recorded_at, task } = file;
-    let opened = async {
-        let file = File::open(&path).await?;
-        let bytes = file.metadata().await?.len();
-        std::io::Result::Ok((file, bytes))
-    };
-    let (file, bytes) = match opened.await {
-        Ok(opened) => opened,
-        Err(error) => return FileOutcome::Retry(format!("{} cannot be read: {error}", path.display())),
-    };
-    let fields = [("filename", Some(filename)), ("recorded_at", recorded_at), ("task", task)];
-    let query: Vec<String> =
-        fields.into_iter().filter_map(|(name, value)| Some(format!("{name}={}", encoded(&value?)))).collect();
+    send_within(LIMITS, client, file).await
+}
+
+async fn send_within(limits: FileLimits, client: &ServiceClient, file: UnnamedFile) -> FileOutcome {
+    match send(limits, client, &file).await {
+        Err(AttemptError::Refused(RequestError::Refused { kind, .. }))
+            if kind == "unknown-reference" && file.task.is_some() =>
+        {
+            tracing::warn!(task = file.task, "the server has no such task any more; the recording is sent without it");
+            outcome(send(limits, client, &UnnamedFile { task: None, ..file }).await)
+        }
+        attempt => outcome(attempt),
+    }
+}
+
+/// Why an attempt failed.
+enum AttemptError {
+    Unreadable(std::io::Error),
+    Refused(RequestError),
+}
+
+async fn send(limits: FileLimits, client: &ServiceClient, of: &UnnamedFile) -> Result<(), AttemptError> {
+    let file = File::open(&of.path).await.map_err(AttemptError::Unreadable)?;
+    let bytes = file.metadata().await.map_err(AttemptError::Unreadable)?.len();
+    let fields =
+        [("filename", Some(&of.filename)), ("recorded_at", of.recorded_at.as_ref()), ("task", of.task.as_ref())];
+    let field = |(name, value): (&str, Option<&String>)| Some(format!("{name}={}", percent_encoded(value?)));
+    let query: Vec<String> = fields.into_iter().filter_map(field).collect();
     let mut headers = HeaderMap::new();
     headers.insert(header::CONTENT_LENGTH, HeaderValue::from(bytes));
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/octet-stream"));
-    let limit = ANSWER_TIMEOUT + Duration::from_secs(bytes / MIN_BYTES_PER_S);
     let address = format!("/waiting-recordings?{}", query.join("&"));
-    match timeout(limit, client.post_file(&address, headers, file, bytes)).await {
-        Err(_) => FileOutcome::Retry(format!("the server did not take the recording within {limit:?}")),
-        Ok(Ok(_)) => FileOutcome::Received,
-        Ok(Err(error)) => outcome_of(error),
+    client.post_file(&address, headers, (file, bytes), limits).await.map(drop).map_err(AttemptError::Refused)
+}
+
+fn outcome(attempt: Result<(), AttemptError>) -> FileOutcome {
+    match attempt {
+        Ok(()) => FileOutcome::Received,
+        Err(AttemptError::Unreadable(error)) => FileOutcome::Failed(format!("the file cannot be read: {error}")),
+        Err(AttemptError::Refused(error)) => outcome_of(error),
     }
 }
 
@@ -53,22 +69,19 @@ fn outcome_of(error: RequestError) -> FileOutcome {
         RequestError::Refused { status: StatusCode::UNAUTHORIZED, .. } => FileOutcome::Refused(format!(
             "{error}. Make a new token for the box's agent on the page People and put it into the token file"
         )),
-        _ if error.is_passing() => FileOutcome::Retry(error.to_string()),
+        RequestError::Connection(_) | RequestError::Refused { status: StatusCode::SERVICE_UNAVAILABLE, .. } => {
+            FileOutcome::Retry(error.to_string())
+        }
+        _ if error.is_passing() => FileOutcome::Failed(error.to_string()),
         _ => FileOutcome::Refused(error.to_string()),
     }
 }
 
-/// A value of a query: all but letters, digits and some marks as `%XX`.
-fn encoded(value: &str) -> String {
-    let byte = |byte: u8| match byte {
-        b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' | b'.' => char::from(byte).to_string(),
-        _ => format!("%{byte:02X}"),
-    };
-    value.bytes().map(byte).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use tokio::net::TcpListener;
+
     use super::*;
 
     fn refused(status: u16, kind: &str) -> FileOutcome {
@@ -80,8 +93,9 @@ mod tests {
     #[test]
     fn a_recording_that_the_server_has_is_received_and_a_busy_server_is_asked_again() {
         assert_eq!(refused(409, "duplicate-recording"), FileOutcome::Received);
-        for (status, kind) in [(503, "busy"), (507, "disk-full"), (500, "")] {
-            assert!(matches!(refused(status, kind), FileOutcome::Retry(_)), "{status}");
+        assert!(matches!(refused(503, "busy"), FileOutcome::Retry(_)));
+        for (status, kind) in [(507, "disk-full"), (500, "")] {
+            assert!(matches!(refused(status, kind), FileOutcome::Failed(_)), "{status}");
         }
         for (status, kind) in
             [(409, "conflict"), (429, "limit"), (401, "unauthenticated"), (413, "too-large"), (422, "invalid")]
@@ -92,8 +106,50 @@ mod tests {
         assert_eq!(cut, FileOutcome::Retry("cut".to_owned()));
     }
 
-    #[test]
-    fn values_of_a_query_are_encoded() {
-        assert_eq!(encoded("box-1 2026-11-30T14:05Z&a=b"), "box-1%202026-11-30T14%3A05Z%26a%3Db");
+    /// A client of this listener, and a recording of this many bytes without a name.
+    fn client_of(listener: &TcpListener, bytes: u64) -> (tempfile::TempDir, ServiceClient, UnnamedFile) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("recording.mp4");
+        std::fs::File::create(&path).unwrap().set_len(bytes).unwrap();
+        let filename = "box-1 2026-11-30T14-05.mp4".to_owned();
+        let client = ServiceClient::anonymous(&format!("http://{}", listener.local_addr().unwrap())).unwrap();
+        (folder, client, UnnamedFile { path, filename, recorded_at: None, task: Some("t&1".to_owned()) })
+    }
+
+    #[tokio::test]
+    async fn a_connection_that_takes_nothing_any_more_is_given_up() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let (_folder, client, file) = client_of(&listener, 256 << 20); // more than the kernel buffers
+        let accepted = tokio::spawn(async move { listener.accept().await.unwrap() }); // open, and never read
+        let limits = FileLimits { stall: Duration::from_millis(300), answer: Duration::from_secs(60) };
+        let FileOutcome::Retry(why) = send_within(limits, &client, file).await else { panic!("not given up") };
+        assert_eq!(why, "the network took nothing for 300ms");
+        drop(accepted.await);
+    }
+
+    #[tokio::test]
+    async fn a_recording_whose_task_was_deleted_is_sent_without_it() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let (_folder, client, file) = client_of(&listener, 10);
+        let served = tokio::spawn(async move {
+            let mut requests = Vec::new();
+            for (status, body) in
+                [("422 Unprocessable Content", r#"{"type": "x/unknown-reference"}"#), ("201 Created", "{}")]
+            {
+                let (mut stream, _) = listener.accept().await.unwrap();
+                let mut request = Vec::new();
+                while !request.ends_with(&[0; 10]) {
+                    assert!(stream.read_buf(&mut request).await.unwrap() > 0);
+                }
+                requests.push(String::from_utf8_lossy(&request).lines().next().unwrap().to_owned());
+                let answer = format!("HTTP/1.1 {status}\r\ncontent-length: {}\r\n\r\n{body}", body.len());
+                stream.write_all(answer.as_bytes()).await.unwrap();
+            }
+            requests
+        });
+        assert_eq!(send_unnamed(&client, file).await, FileOutcome::Received);
+        let address = "POST /api/v1/waiting-recordings?filename=box-1%202026-11-30T14-05.mp4";
+        let requests = served.await.unwrap();
+        assert_eq!(requests, [format!("{address}&task=t%261 HTTP/1.1"), format!("{address} HTTP/1.1")]);
     }
 }

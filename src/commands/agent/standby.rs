@@ -22,9 +22,10 @@ use crate::capture::standby::unnamed::{FileOutcome, SendFile};
 use crate::capture::standby::{HoldControls, Standby, StandbyParts};
 use crate::commands::CommandFailure;
 use crate::commands::upload::client::ServiceClient;
+use crate::ids::FeedId;
 use crate::media::CaptureSource;
 use crate::shutdown::Shutdown;
-use crate::time::{SharedClock, SystemClock};
+use crate::time::{Clock, SharedClock, SystemClock};
 
 /// Default silence after which the camera counts as missing, s: pages show it within ten seconds.
 const CAMERA_SILENCE_S: f64 = 5.0;
@@ -105,6 +106,7 @@ pub(super) fn run(args: StandbyArgs) -> Result<(), CommandFailure> {
             camera,
             spool: args.spool.clone(),
             clock: clock(args.clock_offset_ms),
+            boot: boot_id(),
             hold_controls: is_camera(&args.source).then(|| hold_controls(&args)),
             send_file: send_file(&args),
             requires_check_in: args.require_check_in,
@@ -165,6 +167,12 @@ fn send_file(args: &StandbyArgs) -> SendFile {
     })
 }
 
+/// Id of the computer's start. Where the kernel does not say it, each run of the agent counts as a start of its own.
+fn boot_id() -> String {
+    let known = std::fs::read_to_string("/proc/sys/kernel/random/boot_id");
+    known.map_or_else(|_| FeedId::at(SystemClock.now_ms()).to_string(), |id| id.trim().to_owned())
+}
+
 /// The computer's clock, or one that is wrong by this much.
 fn clock(offset_ms: i64) -> SharedClock {
     if offset_ms == 0 { Arc::new(SystemClock) } else { Arc::new(WrongClock { offset_ms }) }
@@ -176,7 +184,7 @@ struct WrongClock {
     offset_ms: i64,
 }
 
-impl crate::time::Clock for WrongClock {
+impl Clock for WrongClock {
     fn now_ms(&self) -> i64 {
         SystemClock.now_ms() + self.offset_ms
     }

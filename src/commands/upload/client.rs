@@ -19,6 +19,7 @@ use serde_json::Value;
 use tokio::fs::File;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite};
 use tokio::net::TcpStream;
+use tokio::sync::watch;
 use tokio::time::timeout;
 use tokio_rustls::TlsConnector;
 use tokio_util::io::ReaderStream;
@@ -50,6 +51,15 @@ pub struct ServiceClient {
 enum Scheme {
     Http,
     Https,
+}
+
+/// How long the sending of a file may wait.
+#[derive(Clone, Copy, Debug)]
+pub struct FileLimits {
+    /// Longest time during which the network takes no byte. A connection that was cut without a word ends like this.
+    pub stall: Duration,
+    /// Longest wait for the answer after the last byte.
+    pub answer: Duration,
 }
 
 /// An answer of the service.
@@ -188,15 +198,39 @@ impl ServiceClient {
     }
 
     /// Sends a file of this many bytes as the body of a new resource.
+    ///
+    /// # Errors
+    /// [`RequestError`]; also if the network takes no byte, or no answer comes, for longer than the limits say.
     pub async fn post_file(
         &self,
         path: &str,
         headers: HeaderMap,
-        file: File,
-        bytes: u64,
+        (file, bytes): (File, u64),
+        limits: FileLimits,
     ) -> Result<Answer, RequestError> {
-        let pieces = ReaderStream::with_capacity(file.take(bytes), READ_BYTES).map_ok(Frame::data);
-        self.send(Method::POST, path, headers, BodyExt::boxed(StreamBody::new(pieces))).await
+        let progress = Arc::new(watch::Sender::new(0_u64));
+        let sent = progress.clone();
+        let pieces = ReaderStream::with_capacity(file.take(bytes), READ_BYTES).map_ok(move |piece| {
+            sent.send_modify(|taken| *taken += piece.len() as u64);
+            Frame::data(piece)
+        });
+        let stall = async {
+            let mut taken = progress.subscribe();
+            loop {
+                let is_complete = *taken.borrow_and_update() >= bytes;
+                let limit = if is_complete { limits.answer } else { limits.stall };
+                if timeout(limit, taken.changed()).await.is_err() {
+                    return match is_complete {
+                        true => silent(limit),
+                        false => RequestError::Connection(format!("the network took nothing for {limit:?}")),
+                    };
+                }
+            }
+        };
+        tokio::select! {
+            answer = self.send(Method::POST, path, headers, BodyExt::boxed(StreamBody::new(pieces))) => answer,
+            stalled = stall => Err(stalled),
+        }
     }
 
     async fn send(

@@ -70,7 +70,8 @@ pub struct SpoolState {
     pub unnamed: u64,
     /// Free space on the disk of the spool, bytes; `null` if it is not known.
     pub disk_free_bytes: Option<u64>,
-    /// Why the server refused a recording that stays in the spool; `null` if it refused none.
+    /// Why a recording stays in the spool although the server is there: the server refused it, or its file cannot be made
+    /// or sent; `null` if there is none.
     pub refused: Option<String>,
 }
 

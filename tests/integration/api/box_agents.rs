@@ -427,7 +427,33 @@ async fn a_check_in_ends_at_once_with_the_consent_and_with_the_record() {
     check_in("ada").await;
     decide("withdrawn").await;
     ended("no-consent").await;
+    // The pedal does not record the same person without a name; the button that says so does.
+    let refused = press(&agent, "/start", json!({})).await;
+    assert_eq!(refused.status(), StatusCode::CONFLICT);
+    let why: Value = refused.json().await.unwrap();
+    assert!(why["why"].as_str().unwrap().contains("ended or refused"), "{why}");
+    assert_eq!(press(&agent, "/start", json!({"without_name": true})).await.status(), StatusCode::NO_CONTENT);
+    assert_eq!(screen_state(&agent).await["needs_unnamed_button"], false);
+    assert_eq!(press(&agent, "/stop", json!({})).await.status(), StatusCode::NO_CONTENT);
+    // An agent that had no connection when the check-in ended hears of it at its next one.
     decide("given").await;
+    box_1.until(|state| state["recording"].is_null()).await;
+    check_in("ada").await;
+    agent.kill();
+    decide("withdrawn").await;
+    let agent = box_1.stand_by(&[]).await;
+    screen_until(&agent, |state| state["needs_unnamed_button"] == true && state["check_in_end"] == "no-consent").await;
+    decide("given").await;
+    let check_in = async |trainee: &str| {
+        let put = admin.put("/api/v1/boxes/box-1/check-in", json!({"trainee": trainee})).await;
+        read(put, StatusCode::OK).await;
+        screen_until(&agent, |state| state["checked_in"].is_object() && state["check_in_end"].is_null()).await;
+        assert_eq!(screen_state(&agent).await["needs_unnamed_button"], false);
+    };
+    let ended = async |why: &str| {
+        assert_eq!(admin.read(AGENT).await["checked_in"], Value::Null, "at once");
+        screen_until(&agent, |state| state["checked_in"].is_null() && state["check_in_end"] == why).await;
+    };
     check_in("ada").await;
     let other = admin.make("/api/v1/trainees", json!({"name": "Ada N", "code": "ada-n"})).await;
     let merged = json!({"trainee": "ada", "why": "one person"});
