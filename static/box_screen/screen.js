@@ -64,6 +64,8 @@ function Screen() {
     const needsButton = !running && !state.checked_in && !state.requires_check_in && !withoutName && state.needs_unnamed_button;
     setWhy(refused && needsButton ? words.needsButton : refused);
   };
+  const trainee = state?.checked_in?.trainee.id;
+  useEffect(() => setWhy(null), [trainee]); // the refusal was about the person before
   const latest = useRef(press);
   latest.current = press;
   const key = state?.key;
