@@ -115,7 +115,10 @@ test('a trainee checks in with a PIN, and a key starts and stops', async () => {
   await screen.takePictures('records');
   await waitUntil(async () => (await screenState()).state.recording?.session, 'the session of the recording');
   await screen.page.getByText(/[2-9][0-9] frames/).waitFor();
-  await screen.page.keyboard.press('Space');
+  await waitUntil(async () => {
+    await screen.page.keyboard.press('Space'); // ignored for a second after the last press
+    return !(await screenState()).state.recording;
+  }, 'the end of the recording');
   await screen.page.getByText(`Last recording, ${made.task.name}`).waitFor();
   await screen.takePictures('last');
   await button(screen, 'Check out').click();
