@@ -382,11 +382,15 @@ pub async fn close(
 pub struct NewExamCertificate {
     /// The language that it is written in.
     language: CertificateLanguage,
+    /// True to issue it although its address works only on this computer or in this network.
+    #[serde(default)]
+    accept_local_address: bool,
 }
 
 /// Issue the certificate of an exam that was passed
 ///
-/// It says that it is of an exam, with the examiner, how the identity was confirmed, and the attempts that were used.
+/// It says that it is of an exam, with the examiner, how the identity was confirmed, and the attempts that were used. Its
+/// address is checked as that of other certificates: see `accept_local_address` there.
 #[utoipa::path(post, path = "/exams/{id}/certificates", tag = "exams", params(("id" = String, Path, description = "id")),
     request_body = NewExamCertificate, responses((status = CREATED, body = CertificateResponse)))]
 pub async fn issue(
@@ -394,10 +398,11 @@ pub async fn issue(
     by: Staff,
     at: PathKey,
     headers: HeaderMap,
-    Json(NewExamCertificate { language }): Json<NewExamCertificate>,
+    Json(NewExamCertificate { language, accept_local_address }): Json<NewExamCertificate>,
 ) -> HandlerResult<Created<CertificateResponse>> {
-    let base = app.base_url(&headers);
-    let made = app.certificates.issue_of_exam(&by.scope, at.id()?, language, &base).await?;
+    let exam = app.store.exams().get(&by.scope, at.id()?).await?.id;
+    let base = app.lasting_base_url(&headers, accept_local_address)?;
+    let made = app.certificates.issue_of_exam(&by.scope, exam, language, &base).await?;
     Ok(Created { location: format!("/api/v1/certificates/{}", made.id), made: made.into() })
 }
 

@@ -12,7 +12,7 @@ import { ExamPill } from '../parts/exams/exam_list.js';
 import { Confirm, Dialog } from '../parts/forms/dialog.js';
 import { Form } from '../parts/forms/form.js';
 import { Loading, Notice, PageHead, ProblemNotice } from '../parts/page/notice.js';
-import { CertificatesCard } from '../parts/people/certificates.js';
+import { CertificatesCard, IssueForm } from '../parts/people/certificates.js';
 
 const words = t.exams;
 const POLL_MS = 2_000;
@@ -161,10 +161,9 @@ function VoidDialog({ exam, attempt, onDone, onClose }) {
 /** Issues the certificate of the exam, and lists those of the candidate. @param {Props} props */
 function Certify({ exam, person }) {
   const [issued, setIssued] = useState(0);
-  const fields = [{ name: 'language', label: t.certificates.language, type: 'select', value: t.certificates.pageLanguage, options: Object.entries(t.certificates.languages) }];
-  const save = ({ language }) => api.exams.certify(exam.id, { language }).then(() => setIssued(issued + 1));
+  const issue = values => api.exams.certify(exam.id, values);
   return html`
     <section class="card"><header><h2>${t.certificates.issue}</h2></header>
-      <div class="body stack"><p>${t.certificates.issueBody}</p><${Form} fields=${fields} submit=${t.certificates.issue} onSave=${save} /></div></section>
+      <div class="body stack"><${IssueForm} key=${issued} issue=${issue} onIssued=${() => setIssued(issued + 1)} /></div></section>
     <${CertificatesCard} key=${issued} trainee=${exam.trainee.id} person=${person} />`;
 }

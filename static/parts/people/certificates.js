@@ -92,18 +92,18 @@ function HistoryDialog({ certificate, onClose }) {
 /** What happened, with the number of the session. @param {{ event: Schemas['CertificateEventKind'], session?: number | null }} one */
 export const eventText = ({ event, session }) => words.events[event](session);
 
-/** What staff see above the sheet: issues the certificate, in the language that they choose. @param {Props} props */
-export function IssueNotice({ trainee, task, onIssued }) {
-  const [dialog, setDialog] = useState(false);
+/**
+ * Issues a certificate in the language that staff choose. `issue(values)` asks the service. If only this computer or
+ * network can open the address that the certificate would have for ever, staff confirm that first.
+ *
+ * @param {Props} props
+ */
+export function IssueForm({ issue, onIssued, onCancel }) {
   const fields = [{ name: 'language', label: words.language, type: 'select', value: words.pageLanguage, options: Object.entries(words.languages) }];
-  // The address that the certificate would have for ever, if only this computer or network can open it.
   const [localAddress, setLocalAddress] = useState(null);
-  const close = () => (setDialog(false), setLocalAddress(null));
   const save = async values => {
     try {
-      const made = await api.certificates.issue(trainee, { task, ...values, accept_local_address: localAddress !== null });
-      close();
-      onIssued(made);
+      onIssued(await issue({ ...values, accept_local_address: localAddress !== null }));
     } catch (error) {
       const { local_address: address } = asProblem(error);
       if (!address) throw error;
@@ -111,11 +111,20 @@ export function IssueNotice({ trainee, task, onIssued }) {
     }
   };
   return html`
+    <p>${words.issueBody}</p>
+    ${localAddress && html`<${Notice} tone="warn" title=${words.localAddress(localAddress)}>${words.localAddressBody}<//>`}
+    <${Form} fields=${fields} submit=${localAddress ? words.issueAllTheSame : words.issue} onSave=${save} onCancel=${onCancel} />`;
+}
+
+/** What staff see above the sheet. @param {Props} props */
+export function IssueNotice({ trainee, task, onIssued }) {
+  const [dialog, setDialog] = useState(false);
+  const close = () => setDialog(false);
+  const issue = values => api.certificates.issue(trainee, { task, ...values });
+  return html`
     <${Notice} tone="busy" title=${words.notIssued}>${words.notIssuedBody}<//>
     <p><button class="button main" type="button" onClick=${() => setDialog(true)}>${words.issue}</button></p>
     ${dialog && html`<${Dialog} title=${words.issue} onClose=${close}>
-      <p>${words.issueBody}</p>
-      ${localAddress && html`<${Notice} tone="warn" title=${words.localAddress(localAddress)}>${words.localAddressBody}<//>`}
-      <${Form} fields=${fields} submit=${localAddress ? words.issueAllTheSame : words.issue} onSave=${save} onCancel=${close} />
+      <${IssueForm} issue=${issue} onIssued=${made => (close(), onIssued(made))} onCancel=${close} />
     <//>`}`;
 }

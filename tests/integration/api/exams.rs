@@ -166,14 +166,16 @@ async fn an_exam_is_planned_started_recorded_closed_and_certified() {
     problem(of.try_close(&exam).await, 409, "conflict").await;
     let seen = centre.trainee.read(&exam).await;
     assert_eq!((&seen["result"], &seen["attempts"]), (&json!("passed"), &closed["attempts"]));
-    let made = instructor.make(&format!("{exam}/certificates"), json!({"language": "en"})).await;
+    let made =
+        instructor.make(&format!("{exam}/certificates"), json!({"language": "en", "accept_local_address": true})).await;
     let content = &made["content"];
     assert_eq!((&content["basis"], &content["format"]), (&json!("exam"), &json!(2)));
     let said = json!({"held_on": content["issued_on"], "examiner": "ines", "identity": "badge", "attempts_used": 2,
         "attempts_allowed": 2});
     assert_eq!(content["exam"], said);
     assert_eq!((&content["standard"]["version"], &content["sessions"][0]["number"]), (&json!(1), &json!(2)));
-    let twice = instructor.post(&format!("{exam}/certificates"), json!({"language": "en"})).await;
+    let twice =
+        instructor.post(&format!("{exam}/certificates"), json!({"language": "en", "accept_local_address": true})).await;
     problem(twice, 409, "conflict").await;
     let check = format!("/api/v1/certificate-checks/{}", content["code"].as_str().unwrap());
     let public = centre.service.stranger().read(&check).await;
@@ -316,7 +318,11 @@ async fn doubt_never_passes_and_a_judgement_stays() {
         attempt["completion"] = Value::Null; // the only change since
     }
     assert_eq!((&closed["attempts"], &closed["result"]), (&judged["attempts"], &undecided));
-    let certificate = of.centre.instructor.post(&format!("{exam}/certificates"), json!({"language": "en"})).await;
+    let certificate = of
+        .centre
+        .instructor
+        .post(&format!("{exam}/certificates"), json!({"language": "en", "accept_local_address": true}))
+        .await;
     problem(certificate, 409, "conflict").await;
 }
 
@@ -336,7 +342,11 @@ async fn an_administrator_gives_an_attempt_back_after_a_failure() {
     of.attempt(&exam, vec![duration(40.0, 1.0)]).await;
     let closed = of.close(&exam).await;
     assert_eq!((&closed["result"], &closed["attempts_used"]), (&json!("passed"), &json!(1)));
-    let made = of.centre.instructor.make(&format!("{exam}/certificates"), json!({"language": "en"})).await;
+    let made = of
+        .centre
+        .instructor
+        .make(&format!("{exam}/certificates"), json!({"language": "en", "accept_local_address": true}))
+        .await;
     let said = (&made["content"]["exam"]["attempts_used"], &made["content"]["sessions"][0]["number"]);
     assert_eq!(said, (&json!(1), &json!(1)), "numbered among those that count");
     let audit = administrator.read("/api/v1/audit-entries?limit=40").await;
@@ -617,7 +627,8 @@ async fn a_broken_off_or_interrupted_attempt_is_never_passed() {
     let closed = of.close(&exam).await;
     assert_eq!(closed["result"], "not_passed", "the interrupted attempt is used without a pass");
     problem(of.say(&exam, 2, "completed").await, 409, "conflict").await;
-    let certificate = instructor.post(&format!("{exam}/certificates"), json!({"language": "en"})).await;
+    let certificate =
+        instructor.post(&format!("{exam}/certificates"), json!({"language": "en", "accept_local_address": true})).await;
     problem(certificate, 409, "conflict").await;
     let store = of.planter.store();
     assert_eq!(store.check().await.unwrap(), Vec::<String>::new());
@@ -676,7 +687,10 @@ async fn a_later_score_neither_blocks_the_certificate_nor_asks_for_the_box() {
     of.planter.rescore_as("a later version", refused, |_| duration(90.0, 1.0)).await;
     let seen = of.centre.instructor.read(&format!("/api/v1/sessions/{session}")).await;
     assert_eq!((&seen["features"][0]["value"], &seen["box_question"]), (&json!(90.0), &Value::Null), "{seen}");
-    of.centre.instructor.make(&format!("{exam}/certificates"), json!({"language": "en"})).await;
+    of.centre
+        .instructor
+        .make(&format!("{exam}/certificates"), json!({"language": "en", "accept_local_address": true}))
+        .await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -121,7 +121,7 @@ async fn a_restored_backup_answers_as_the_service_did_without_erased_people() {
     service.stop().await;
 }
 
-/// A recording without a name, and a certificate.
+/// A recording without a name, a certificate, and an exam.
 async fn store_what_the_old_data_lack(client: &Client) {
     let request = client.request(reqwest::Method::POST, "/api/v1/waiting-recordings?filename=clip.mp4");
     let request = request.header("content-type", "video/mp4").body(recording(5_000, 8));
@@ -134,6 +134,7 @@ async fn store_what_the_old_data_lack(client: &Client) {
     let trainee = sessions["items"][0]["trainee"]["id"].as_str().expect("a session that met the standard");
     let path = format!("/api/v1/trainees/{trainee}/certificates");
     client.make(&path, json!({"task": "peg", "language": "en", "accept_local_address": true})).await;
+    client.make("/api/v1/exams", json!({"trainee": trainee, "task": "peg", "box": "box-1", "attempts": 1})).await;
 }
 
 /// What a client can compare of an answer.
