@@ -253,7 +253,7 @@ test('the token of the box is shown once, with the command that uses it and a QR
   await secret.waitFor();
   const token = await secret.innerText();
   assert.match(token, /^trc_/);
-  await page.getByText('Or make one recording at a time').click();
+  await page.locator('summary', { hasText: 'Or make one recording at a time' }).click();
   const [, , install, record] = await page.locator('.secret').allInnerTexts();
   const { code, calibration: { width, height } } = await getJson(`boxes/${box}`);
   const from = `--server ${url} --box ${code} --token-file ${code}.token`;
