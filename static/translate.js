@@ -102,6 +102,13 @@ export function notEnoughText({ not_enough: sentence, not_enough_reason: reason 
   return text ? { text, lang: undefined } : { text: sentence ?? '', lang: sentence ? serviceLang : undefined };
 }
 
+/**
+ * Why the error bar of a value is not known. Words of other programs have no code.
+ *
+ * @param {{ no_error?: string | null, no_error_reason?: string | null }} feature
+ */
+export const noErrorBarText = ({ no_error: sentence, no_error_reason: code }) => (code && translationOf('noErrorBar', code)) || sentence;
+
 /** What a self-test found about a part, as `{ text, lang }`. */
 export function selfTestFinding(part, test) {
   const text = translationOf('selfTest', `${part.part} ${part.unit}`)?.(part, test);

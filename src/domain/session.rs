@@ -277,6 +277,12 @@ impl FeatureRow {
         self.value.as_ref().ok().copied().filter(|_| !self.is_lower_bound())
     }
 
+    /// Why there is no error bar, by its code; `None` if there is one, or for the words of another program.
+    pub fn no_error_reason(&self) -> Option<&'static str> {
+        let sentence = self.error.as_ref()?.as_ref().err()?;
+        NoErrorBar::of(sentence).map(NoErrorBar::code)
+    }
+
     /// True if the value is a lower bound: the recording shows only a part of the attempt.
     pub fn is_lower_bound(&self) -> bool {
         matches!(&self.error, Some(Err(reason)) if *reason == NoErrorBar::AtLeast.to_string())

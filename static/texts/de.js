@@ -3685,6 +3685,14 @@ export default {
       not_two_tools: found => `vergleicht zwei Instrumente; der Pfad hat ${found}`,
       other_tool: () => 'der Pfad des anderen Instruments ließ sich nicht messen',
       unusable_samples: () => 'die Messpunkte sind keine endlichen Zahlen in zeitlicher Reihenfolge',
+    /** Why the error bar of a value is not known. Without a full stop, because the pages add it. */
+    noErrorBar: {
+      not_computed: 'sie wurde hier nicht berechnet',
+      no_value: 'es gibt keinen Wert',
+      errors_not_stated: 'die Bahn nennt ihre eigenen Fehler nicht',
+      unsteady: 'mit anderen Fehlern derselben Größe gäbe es keinen Wert',
+      at_least: 'mindestens so lange: Ein Instrument bewegte sich, als die Aufnahme begann oder endete',
+    },
       unusable_setting: () => 'eine Einstellung der Auswertung ist nicht verwendbar',
       refused: () => 'die Sitzung ist abgelehnt; siehe ihre Qualität',
       out_of_range: () => 'so bewegt sich keine Hand',

@@ -261,6 +261,9 @@ pub struct FeatureResponse {
     error: Option<FeatureError>,
     /// Why the error bar is unknown; `null` if there is one.
     no_error: Option<String>,
+    /// The same by its code, for other languages: `not_computed`, `no_value`, `errors_not_stated`, `unsteady` or `at_least`.
+    /// `null` if there is an error bar, or for the words of another program.
+    no_error_reason: Option<&'static str>,
     /// True if the true value is at least this one: the recording shows only a part of the attempt.
     is_lower_bound: bool,
     /// True if depth decides the value: it is measured in space, and is no duration and no time of view. `null` if the
@@ -480,7 +483,7 @@ fn named(id: impl ToString, name: impl Into<String>, code: impl Into<String>) ->
 impl From<FeatureRow> for FeatureResponse {
     fn from(row: FeatureRow) -> Self {
         let (family, is_lower_bound, needs_depth) = (row.family(), row.is_lower_bound(), row.needs_depth());
-        let (better, informative) = (row.better(), row.informative());
+        let (better, informative, no_error_reason) = (row.better(), row.informative(), row.no_error_reason());
         let (value, not_enough) = match row.value {
             Ok(value) => (Some(value), None),
             Err(reason) => (None, Some(reason)),
@@ -498,6 +501,7 @@ impl From<FeatureRow> for FeatureResponse {
             not_enough_reason: not_enough.as_deref().and_then(NotEnoughReason::of),
             not_enough,
             error,
+            no_error_reason,
             no_error,
             is_lower_bound,
             needs_depth,

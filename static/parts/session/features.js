@@ -2,7 +2,7 @@
 import { html, useState } from '../../preact.js';
 import { number, unit } from '../../format.js';
 import { t } from '../../texts.js';
-import { featureTitle, notEnoughText, toolWithHand } from '../../translate.js';
+import { featureTitle, noErrorBarText, notEnoughText, toolWithHand } from '../../translate.js';
 import { Empty } from '../page/notice.js';
 import { CohortChooser, CohortPlace } from './cohort_places.js';
 import { featuresIn, firstSpace, isTooUncertain, PoorDepth } from './compared_space.js';
@@ -166,7 +166,8 @@ function Value({ feature, answer }) {
  *
  * @param {Props} props
  */
-function Uncertainty({ feature: { error, no_error: why }, half }) {
+function Uncertainty({ feature, half }) {
+  const [error, why] = [feature.error, noErrorBarText(feature)];
   if (why) return html`<small class="off" title=${words.offUnknown(why)}>${words.off('?')}</small>`;
   if (!error) return '';
   const explanation = words.offMeans(number(error.low), number(error.high));

@@ -75,6 +75,7 @@ async fn rows_of_another_tracker_become_a_session_that_names_the_tracker() {
     assert!(length["value"].as_f64().unwrap() > 400.0, "{length}");
     assert_eq!(length["error"], Value::Null, "the rows have no stated error");
     assert!(length["no_error"].as_str().unwrap().len() > 10, "{length}");
+    assert_eq!(length["no_error_reason"], "errors_not_stated", "{length}");
 
     // The same rows with stated errors have error bars, and are another session.
     let with_errors = import_and_wait(&centre.instructor, "trainee=ada", table(&["left", "right"], Some(0.1))).await;

@@ -66,6 +66,28 @@ pub enum NoErrorBar {
     AtLeast,
 }
 
+impl NoErrorBar {
+    /// All reasons.
+    const ALL: [Self; 5] = [Self::NotComputed, Self::NoValue, Self::ErrorsNotStated, Self::Unsteady, Self::AtLeast];
+
+    /// Its stable name, for texts in other languages.
+    pub fn code(self) -> &'static str {
+        match self {
+            Self::NotComputed => "not_computed",
+            Self::NoValue => "no_value",
+            Self::ErrorsNotStated => "errors_not_stated",
+            Self::Unsteady => "unsteady",
+            Self::AtLeast => "at_least",
+        }
+    }
+
+    /// The reason that a result states in words; `None` if this program does not know them. Results store the sentence, so
+    /// that a table or a file can be read without this program.
+    pub fn of(sentence: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|reason| reason.to_string() == sentence)
+    }
+}
+
 /// Computes the value with the shift by errors removed, and its error bar, from the measured value and the values of
 /// the replicates.
 ///
@@ -113,6 +135,15 @@ mod tests {
     use crate::motion::features::per_movement::{LOG_DIMENSIONLESS_JERK, MOVEMENTS};
     use crate::motion::features::time::IDLE_SHARE;
     use crate::random::Dice;
+
+    #[test]
+    fn each_reason_is_found_by_its_sentence_and_has_a_code_of_its_own() {
+        let mut codes: Vec<&str> = NoErrorBar::ALL.iter().map(|reason| reason.code()).collect();
+        NoErrorBar::ALL.iter().for_each(|reason| assert_eq!(NoErrorBar::of(&reason.to_string()), Some(*reason)));
+        codes.dedup();
+        assert_eq!(codes.len(), NoErrorBar::ALL.len());
+        assert_eq!(NoErrorBar::of("another program's words"), None);
+    }
 
     #[test]
     fn a_shift_by_errors_is_taken_off_and_a_spread_is_stated() {
