@@ -176,7 +176,7 @@ pub use jobs::{JobRecord, JobStore, Lease, MAX_LOST_LEASES, QueueCounts, SweepRe
 pub use page::{Cursor, NotACursor, Page, PageRequest};
 pub use palettes::{PaletteRecord, PaletteStore};
 pub use password_links::{PasswordLinkRecord, PasswordLinkStore};
-pub use pending_erasures::{ErasureExtent, PendingErasure, PendingErasureStore};
+pub use pending_erasures::{ErasureExtent, PendingErasure, PendingErasureStore, StayingRecording};
 pub use people::{NewPerson, PersonChange, PersonRecord, PersonStore};
 pub use personal_retention::{PersonalRetentionRecord, PersonalRetentionStore};
 pub use ratings::{GivenRating, RatingRecord, RatingStore, SessionValue, VisibleRatings};

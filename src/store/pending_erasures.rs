@@ -1,21 +1,24 @@
 //! Trainees who wait for their erasure. They and their recordings are hidden from all people meanwhile, and they cannot
 //! sign in. Staff can take the erasure back until it is due.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use sqlx::sqlite::SqliteConnection;
+use sqlx::types::Json;
 
 use super::audit::note;
 use super::cookies::DELETE_COOKIES_OF;
 use super::error::{StoreError, StoreResult, not_found};
 use super::exams::refuse_if_running;
 use super::record_merges::{give_back_trainee, separate_trainees_from, trainee_holder_of, trainees_merged_into};
-use super::trainees::{TraineeRecord, erase};
+use super::sessions::twins;
+use super::trainees::{TraineeRecord, erase, erased_with};
 use super::visibility::{BindScope, require_staff};
 use super::{Scope, Store};
 use crate::domain::erasure::ErasedKind;
 use crate::domain::text::{Code, Key, Name};
-use crate::ids::{PersonId, TraineeId};
+use crate::ids::{PersonId, SessionId, TraineeId};
 use crate::time::millis;
 
 /// Access to the trainees who wait for their erasure.
@@ -40,13 +43,28 @@ pub struct PendingErasure {
     pub due_at_ms: i64,
 }
 
-/// What an erasure would delete.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, sqlx::FromRow)]
+/// What an erasure would delete, and what of the recordings stays with other people.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ErasureExtent {
     /// Number of sessions.
-    pub sessions: i64,
-    /// Size of their recordings, bytes.
+    pub sessions: usize,
+    /// Number of hidden sessions with the same recordings, in records that are merged into those of other people.
+    pub hidden_copies: usize,
+    /// Size of the recordings that are deleted, bytes.
     pub bytes: i64,
+    /// Sessions whose whole recording stays with another person, oldest first.
+    pub staying: Vec<StayingRecording>,
+}
+
+/// A session of an erased trainee whose whole recording stays with another person.
+#[derive(Clone, Debug, PartialEq, Eq, sqlx::FromRow)]
+pub struct StayingRecording {
+    /// The trainee's own session.
+    pub session_id: SessionId,
+    /// When it was recorded, epoch ms.
+    pub recorded_at_ms: i64,
+    /// Name of its task.
+    pub task: Name,
 }
 
 /// Most trainees in the list.
@@ -70,10 +88,29 @@ const SELECT_PENDING: &str = "
            OR pending.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
     ORDER BY due_at_ms, code LIMIT $3";
 
-const SELECT_EXTENT: &str = "
-    SELECT count(*) AS sessions, coalesce(sum(blob.bytes) FILTER (WHERE blob.dropped_at_ms IS NULL), 0) AS bytes
-    FROM session LEFT JOIN blob ON blob.hash = session.video
-    WHERE session.trainee_id = $1 OR session.trainee_id IN (SELECT trainee_id FROM merged_trainee WHERE kept_id = $1)";
+/// Size of the recordings of the sessions `$1` (a JSON array) that no other session has.
+const SELECT_BYTES: &str = "
+    SELECT coalesce(sum(bytes), 0) FROM blob
+    WHERE dropped_at_ms IS NULL
+      AND hash IN (SELECT video FROM session WHERE id IN (SELECT value FROM json_each($1)))
+      AND NOT EXISTS (SELECT 1 FROM session AS other
+                      WHERE other.video = blob.hash AND other.id NOT IN (SELECT value FROM json_each($1)))";
+
+/// Selects those of the sessions `$1` (a JSON array) whose recording was cut and stays with another part, which is none of
+/// `$1`; and those of `$2`, whose hidden copy stays. A deleted video does not stay.
+const SELECT_STAYING: &str = "
+    SELECT session.id AS session_id, session.recorded_at_ms, task.name AS task
+    FROM session JOIN task ON task.id = session.task_id
+    WHERE session.id IN (SELECT value FROM json_each($1))
+      AND EXISTS (SELECT 1 FROM blob WHERE hash = session.video AND dropped_at_ms IS NULL)
+      AND (session.id IN (SELECT value FROM json_each($2))
+           OR EXISTS (SELECT 1 FROM session AS part
+                      WHERE part.video = session.video
+                        AND coalesce(part.cut_of, part.id) = coalesce(session.cut_of, session.id)
+                        AND part.id NOT IN (SELECT value FROM json_each($1))))
+    ORDER BY session.recorded_at_ms, session.id";
+
+const SELECT_HAS_MERGES: &str = "SELECT EXISTS (SELECT 1 FROM merged_trainee)";
 
 const INSERT_PENDING: &str = "
     INSERT INTO pending_erasure (trainee_id, requested_at_ms, due_at_ms, person_id) VALUES ($1, $2, $3, $4)
@@ -103,7 +140,15 @@ impl PendingErasureStore<'_> {
                  one, which erases both",
             ));
         }
-        Ok(sqlx::query_as(SELECT_EXTENT).bind(id).fetch_one(self.0.readers()).await?)
+        let mut snapshot = self.0.readers().begin().await?;
+        let (_, mut sessions) = erased_with(&mut snapshot, id).await?;
+        let own = sessions.len();
+        let (copies, kept_of) = hidden_copies(&mut snapshot, &sessions).await?;
+        let staying = sqlx::query_as(SELECT_STAYING).bind(Json(&sessions)).bind(Json(kept_of));
+        let staying = staying.fetch_all(&mut *snapshot).await?;
+        sessions.extend(&copies);
+        let bytes = sqlx::query_scalar(SELECT_BYTES).bind(Json(sessions)).fetch_one(&mut *snapshot).await?;
+        Ok(ErasureExtent { sessions: own, hidden_copies: copies.len(), bytes, staying })
     }
 
     /// Hides a trainee, signs them out, and erases them after this time. Upkeep does so ([`crate::upkeep`]).
@@ -225,6 +270,28 @@ impl PendingErasureStore<'_> {
             })
             .await
     }
+}
+
+/// Of these sessions, which are erased together: the hidden ones of other records that are erased with them, and those of
+/// whose recording a hidden one stays.
+async fn hidden_copies(
+    tx: &mut SqliteConnection,
+    erased: &[SessionId],
+) -> StoreResult<(BTreeSet<SessionId>, BTreeSet<SessionId>)> {
+    let (mut copies, mut kept) = (BTreeSet::new(), Vec::new());
+    if !sqlx::query_scalar::<_, bool>(SELECT_HAS_MERGES).fetch_one(&mut *tx).await? {
+        return Ok(Default::default());
+    }
+    for id in erased {
+        for twin in twins(tx, *id, erased).await?.into_iter().filter(|twin| !erased.contains(&twin.id)) {
+            match twin.is_kept {
+                true => kept.push((twin.id, *id)),
+                false => _ = copies.insert(twin.id),
+            }
+        }
+    }
+    let kept_of = kept.into_iter().filter(|(twin, _)| !copies.contains(twin)).map(|(_, of)| of).collect();
+    Ok((copies, kept_of))
 }
 
 /// Lets a trainee wait for an erasure that is due at this time, with the records that were merged into theirs.

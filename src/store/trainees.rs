@@ -214,6 +214,20 @@ impl TraineeStore<'_> {
     }
 }
 
+/// The records that are erased with a trainee, and their sessions.
+pub(super) async fn erased_with(
+    tx: &mut sqlx::SqliteConnection,
+    id: TraineeId,
+) -> StoreResult<(Vec<TraineeId>, Vec<SessionId>)> {
+    let records: Vec<TraineeId> = trainees_merged_into(tx, id).await?.into_iter().chain([id]).collect();
+    let mut sessions: Vec<SessionId> = Vec::new();
+    for record in &records {
+        let of_record = sqlx::query_scalar(SELECT_SESSIONS_OF_TRAINEE).bind(record).fetch_all(&mut *tx).await?;
+        sessions.extend::<Vec<SessionId>>(of_record);
+    }
+    Ok((records, sessions))
+}
+
 /// Erases a trainee with the records that were merged into theirs, as [`TraineeStore::erase`] does. A session of theirs that
 /// was moved from another person may be hidden with a record of that person once more: it is erased, too.
 pub(super) async fn erase(
@@ -223,12 +237,7 @@ pub(super) async fn erase(
     id: TraineeId,
 ) -> StoreResult<()> {
     give_back_trainee(tx, id, now_ms).await?;
-    let records: Vec<TraineeId> = trainees_merged_into(tx, id).await?.into_iter().chain([id]).collect();
-    let mut sessions: Vec<SessionId> = Vec::new();
-    for record in &records {
-        let of_record = sqlx::query_scalar(SELECT_SESSIONS_OF_TRAINEE).bind(record).fetch_all(&mut *tx).await?;
-        sessions.extend::<Vec<SessionId>>(of_record);
-    }
+    let (records, sessions) = erased_with(tx, id).await?;
     erase_twins(tx, scope, &sessions, now_ms).await?; // of records that are merged into those of others
     for record in records {
         erase_record(tx, scope, now_ms, record).await?;

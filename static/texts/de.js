@@ -1343,6 +1343,9 @@ export default {
   },
   erasures: {
     extent: (n, size) => `Das Konto und ${plural(n, 'Sitzung', 'Sitzungen')} mit Aufnahmen (${size}) und Ergebnissen werden gelöscht.`,
+    hiddenCopies: n => `${plural(n, 'verborgene Kopie dieser Aufnahmen wird', 'verborgene Kopien dieser Aufnahmen werden')} mit gelöscht. Sie gehören zu Einträgen, die mit denen anderer Personen zusammengeführt wurden.`,
+    staying: n => `Von ${plural(n, 'Sitzung', 'Sitzungen')} bleibt die ganze Aufnahme erhalten, mit der Person darin: Sie wurde geteilt, und ein anderer Teil gehört einer anderen Person. Um sie zu löschen, löschen Sie auch diesen Teil.`,
+    stayingMore: n => `Und ${plural(n, 'weitere Sitzung', 'weitere Sitzungen')}.`,
     wait: days => `Die Person verschwindet sofort von allen Seiten und wird nach ${plural(days, 'Tag', 'Tagen')} endgültig gelöscht. Bis dahin können Sie sie auf dieser Seite wiederherstellen.`,
     atOnce: 'Das lässt sich nicht rückgängig machen.',
     copy: 'Wenn die Person eine Kopie ihrer Daten möchte, speichern Sie diese zuerst:',

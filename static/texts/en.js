@@ -1195,6 +1195,9 @@ export default {
   },
   erasures: {
     extent: (n, size) => `The account and ${plural(n, 'session', 'sessions')} with their recordings (${size}) and results are deleted.`,
+    hiddenCopies: n => `${plural(n, 'hidden copy of these recordings is', 'hidden copies of these recordings are')} deleted, too. They belong to records that were merged into those of other people.`,
+    staying: n => `Of ${plural(n, 'session', 'sessions')} the whole recording stays, with the person in it: it was cut, and another part belongs to another person. To delete it, erase that part as well.`,
+    stayingMore: n => `And ${plural(n, 'more session', 'more sessions')}.`,
     wait: days => `The person disappears from all pages at once and is deleted for good after ${plural(days, 'day', 'days')}. Until then you can restore them on this page.`,
     atOnce: 'This cannot be undone.',
     copy: 'If the person wants a copy of their data, save it first:',

@@ -11,18 +11,45 @@ use crate::http::error::HandlerResult;
 use crate::http::read::{Json, PathKey};
 use crate::http::show::{PageResponse, Time};
 use crate::http::state::App;
-use crate::ids::TraineeId;
-use crate::store::{ErasureExtent, PendingErasure};
+use crate::ids::{SessionId, TraineeId};
+use crate::store::{ErasureExtent, PendingErasure, StayingRecording};
+
+/// Limit of sessions that are named one by one.
+const MAX_STAYING: usize = 50;
 
 /// What erasing a trainee deletes.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct ErasureExtentResponse {
     /// Number of sessions, with their results, ratings and comments.
-    sessions: i64,
-    /// Size of their recordings, bytes.
+    sessions: usize,
+    /// Number of hidden copies that are deleted with them: the same recordings in records that were merged into those of
+    /// other people.
+    hidden_copies: usize,
+    /// Size of the recordings that are deleted, bytes.
     bytes: i64,
+    /// The trainee's sessions whose whole recording stays, since it was cut and another person has another part: oldest
+    /// first, at most 50. Erase that part as well to delete the recording.
+    staying: Vec<StayingRecordingResponse>,
+    /// Number of these sessions.
+    staying_count: usize,
     /// Days for taking the erasure back, if it is requested so; 0: it cannot.
     days: u32,
+}
+
+/// A session of the trainee whose whole recording stays with another person.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct StayingRecordingResponse {
+    /// Id of the trainee's own session.
+    session: SessionId,
+    recorded_at: Time,
+    /// Name of its task.
+    task: String,
+}
+
+impl From<StayingRecording> for StayingRecordingResponse {
+    fn from(StayingRecording { session_id, recorded_at_ms, task }: StayingRecording) -> Self {
+        Self { session: session_id, recorded_at: Time(recorded_at_ms), task: task.into() }
+    }
 }
 
 /// A trainee who waits for their erasure.
@@ -57,8 +84,11 @@ pub async fn erasure_extent(
     by: Staff,
     PathKey(key): PathKey,
 ) -> HandlerResult<Json<ErasureExtentResponse>> {
-    let ErasureExtent { sessions, bytes } = app.store.pending_erasures().extent(&by.scope, &key).await?;
-    Ok(Json(ErasureExtentResponse { sessions, bytes, days: app.retention.erase_days }))
+    let ErasureExtent { sessions, hidden_copies, bytes, staying } =
+        app.store.pending_erasures().extent(&by.scope, &key).await?;
+    let (days, staying_count) = (app.retention.erase_days, staying.len());
+    let staying = staying.into_iter().take(MAX_STAYING).map(StayingRecordingResponse::from).collect();
+    Ok(Json(ErasureExtentResponse { sessions, hidden_copies, bytes, staying, staying_count, days }))
 }
 
 /// List the trainees who wait for their erasure, the next due first

@@ -30,7 +30,7 @@ pub use result::{SessionOrderKey, SessionResult};
 pub use same_recording::{SameRecording, SameRecordings};
 pub(super) use write::{
     DELETE_SESSION, NewSessionRow, SELECT_SAME_SESSION, SessionArrival, erase_twins, insert, insert_arrived,
-    is_trusted_sender, supervising_sender,
+    is_trusted_sender, supervising_sender, twins,
 };
 
 use super::error::{StoreResult, not_found};

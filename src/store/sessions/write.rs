@@ -22,9 +22,9 @@ use crate::ids::{BoxId, JobId, PersonId, ResultId, SessionId, TaskId, TraineeId}
 
 pub(in crate::store) const DELETE_SESSION: &str = "DELETE FROM session WHERE id = $1";
 
-/// The same recording of records that are merged into that of the trainee, or of an earlier trainee of the session: hidden,
+/// The same recording of records that are merged into that of the trainee, or of an earlier trainee of session `$1`: hidden,
 /// and erased with the session. They were filed like this session when their record was merged. Of a recording that was cut,
-/// they stay while another part has them, too, unless that part is one of `$2`, which are erased together.
+/// they stay (`is_kept`) while another part has them, too, unless that part is one of `$2`, which are erased together.
 const SELECT_TWINS: &str = "
     WITH part (id, whole_id) AS
         (SELECT session.id, coalesce(erased.cut_of, erased.id) FROM session AS erased
@@ -52,10 +52,9 @@ const SELECT_TWINS: &str = "
               AND (twin.video = own.video
                        AND twin.box_id IN (SELECT box_id FROM used_box WHERE used_box.part_id = part.id)
                    OR twin.path_hash = own.path_hash))
-    SELECT DISTINCT id FROM hidden AS twin
-    WHERE part_id = $1
-      AND NOT EXISTS (SELECT 1 FROM hidden AS other WHERE other.id = twin.id
-                      AND other.part_id NOT IN (SELECT value FROM json_each($2)))";
+    SELECT DISTINCT id, EXISTS (SELECT 1 FROM hidden AS other WHERE other.id = twin.id
+                                AND other.part_id NOT IN (SELECT value FROM json_each($2))) AS is_kept
+    FROM hidden AS twin WHERE part_id = $1";
 
 const DELETE_ARRIVING_SESSION: &str = "DELETE FROM session WHERE id = $1 AND video IS NULL";
 
@@ -220,12 +219,28 @@ impl SessionStore<'_> {
 /// Refuses to erase a session alone if a hidden session with its recording is an attempt of an exam. Erasing the person
 /// erases both.
 async fn refuse_twins_of_exam(tx: &mut SqliteConnection, id: SessionId) -> StoreResult<()> {
-    let select = sqlx::query_scalar(SELECT_TWINS).bind(id).bind(Json([id]));
-    let twins: Vec<SessionId> = select.fetch_all(&mut *tx).await?;
-    for twin in twins {
-        refuse_if_of_exam(tx, twin).await?;
+    for twin in twins(tx, id, &[id]).await?.into_iter().filter(|twin| !twin.is_kept) {
+        refuse_if_of_exam(tx, twin.id).await?;
     }
     Ok(())
+}
+
+/// A hidden session with the recording of another one.
+#[derive(Clone, Copy, Debug, PartialEq, sqlx::FromRow)]
+pub(in crate::store) struct Twin {
+    /// Its id.
+    pub id: SessionId,
+    /// True if it stays when the other one is erased, since another part of a cut recording has it, too.
+    pub is_kept: bool,
+}
+
+/// The hidden sessions with the recording of session `id`, which is erased together with all of `erased`.
+pub(in crate::store) async fn twins(
+    tx: &mut SqliteConnection,
+    id: SessionId,
+    erased: &[SessionId],
+) -> StoreResult<Vec<Twin>> {
+    Ok(sqlx::query_as(SELECT_TWINS).bind(id).bind(Json(erased)).fetch_all(tx).await?)
 }
 
 /// Erases the hidden sessions with the same recordings as these sessions, which are erased together. Call it before they are
@@ -237,8 +252,8 @@ pub(in crate::store) async fn erase_twins(
     now_ms: i64,
 ) -> StoreResult<()> {
     for id in erased {
-        let select = sqlx::query_scalar(SELECT_TWINS).bind(id).bind(Json(erased));
-        let twins: Vec<SessionId> = select.fetch_all(&mut *tx).await?;
+        let twins = twins(tx, *id, erased).await?;
+        let twins: Vec<SessionId> = twins.into_iter().filter(|twin| !twin.is_kept).map(|twin| twin.id).collect();
         certificates::mark(tx, scope, &twins, CertificateEventKind::SessionErased, now_ms).await?;
         for twin in twins {
             sqlx::query(DELETE_SESSION).bind(twin).execute(&mut *tx).await?;

@@ -3,6 +3,7 @@ import { html, useState } from '../../preact.js';
 import { api, Problem } from '../../api.js';
 import { useData } from '../../data.js';
 import { bytes, dateTime } from '../../format.js';
+import { href } from '../../router.js';
 import { t } from '../../texts.js';
 import { Confirm, Dialog } from '../forms/dialog.js';
 import { Form } from '../forms/form.js';
@@ -26,6 +27,11 @@ export function EraseDialog({ trainee, onErased, onClose }) {
       ${!data && !problem && html`<${Loading} />`}
       ${data && html`
         <p>${words.extent(data.sessions, bytes(data.bytes))} ${data.days ? words.wait(data.days) : words.atOnce}</p>
+        ${data.hidden_copies > 0 && html`<p>${words.hiddenCopies(data.hidden_copies)}</p>`}
+        ${data.staying_count > 0 && html`<div class="staying"><p>${words.staying(data.staying_count)}</p>
+          <ul>${data.staying.map(one => html`<li key=${one.session}>
+            <a href=${href(['sessions', one.session])}>${one.task}, ${dateTime(one.recorded_at)}</a></li>`)}</ul>
+          ${data.staying_count > data.staying.length && html`<p>${words.stayingMore(data.staying_count - data.staying.length)}</p>`}</div>`}
         <p>${words.copy}</p>
         <${DataLinks} trainee=${trainee.id} />
         <${Form} fields=${[{ name: 'name', label: words.typeName(trainee.name), required: true, autocomplete: 'off' }]}

@@ -177,9 +177,28 @@ async fn the_hidden_copy_of_a_cut_recording_is_erased_with_its_last_part() {
     let merged = merge().await;
     let second = address(&cut(by, &at, 6.0).await["second"]);
     wait(by, [&at, &second]).await;
-    for part in [&at, &second] {
-        by.make(&format!("{part}/moves"), json!({"trainee": "cleo", "why": "It was Cleo."})).await;
+    let extent = async |trainee: &str| by.read(&format!("/api/v1/trainees/{trainee}/erasure")).await;
+    let counts = |extent: &Value| ["sessions", "hidden_copies", "staying_count"].map(|name| extent[name].clone());
+    let all = extent("ada").await;
+    assert_eq!(counts(&all), [4, 0, 0].map(Value::from), "Bob's sessions are hers: {all}");
+    let size = |scale: f64| table(scale).len();
+    assert_eq!(all["bytes"], size(1.0) + size(1.5), "each table is stored once: {all}");
+    let move_to_cleo = async |part: &String| {
+        by.make(&format!("{part}/moves"), json!({"trainee": "cleo", "why": "It was Cleo."})).await
+    };
+    move_to_cleo(&at).await;
+    // The hidden copy and the table stay for the other part, which is Ada's.
+    let one_part = extent("cleo").await;
+    assert_eq!(counts(&one_part), [1, 0, 1].map(Value::from), "{one_part}");
+    assert_eq!((&one_part["bytes"], address(&one_part["staying"][0]["session"])), (&json!(0), at.clone()));
+    assert_eq!(one_part["staying"][0]["task"], "Peg transfer");
+    for hidden in ["ada", "Ada", "bob", "Bob", second.rsplit('/').next().unwrap()] {
+        assert!(!one_part.to_string().contains(hidden), "{hidden} is another person's: {one_part}");
     }
+    move_to_cleo(&second).await;
+    let both_parts = extent("cleo").await;
+    assert_eq!(counts(&both_parts), [2, 1, 0].map(Value::from), "{both_parts}");
+    assert_eq!(both_parts["bytes"], size(1.0), "{both_parts}");
     assert_eq!(by.delete("/api/v1/trainees/cleo").await.status(), StatusCode::NO_CONTENT);
     assert_eq!(recordings_of_bob(&merged).await, 1, "the other recording of Bob");
     let check = program().args(["admin", "check", "--data"]).arg(centre.service.data.path()).output().unwrap();
