@@ -68,7 +68,7 @@ export function whyNot({ task, standard, sessions, rule, charts }) {
 function Paper({ progress: { trainee, task, standard, sessions, passed, pipeline } }) {
   const countedSessions = sessions.filter(session => passed.sessions.includes(session.number));
   return html`
-    <${Sheet} title=${words.of(task.name)} back=${['trainees', trainee.id]} kind="certificate" footer=${words.printed}>
+    <${Sheet} title=${words.of(task.name)} back=${['trainees', trainee.id]} kind="certificate" hint=${t.report.hintOfCertificate} footer=${words.printed}>
       <p>${words.says}</p>
       <p class="who">${trainee.name}</p>
       <p>${words.has(task.name)} ${passed.by === 'rule' && standard.rule ? html`${words.byRule} ${words.rule(standard.rule.in_a_row, standard.rule.then_more, standard.rule.at_most)}.` : words.byCharts}</p>

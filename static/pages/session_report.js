@@ -45,7 +45,7 @@ export default function SessionReport({ route }) {
   if (session.status !== 'done' || !feedback)
     return html`<${PageHead} title=${words.session} /><${Empty} title=${words.notDone} body=${words.notDoneBody} />`;
   return html`
-    <${Sheet} title=${words.sessionOf(session.task.name)} back=${['sessions', id]}>
+    <${Sheet} title=${words.sessionOf(session.task.name)} back=${['sessions', id]} hint=${words.hintOfSession}>
       <${Facts} rows=${[
         [words.trainee, `${session.trainee.name} (${session.trainee.code})`],
         [words.task, session.task.name],

@@ -10,13 +10,13 @@ import { CentreLetterhead } from './centre_mark.js';
 const words = t.report;
 
 /** The sheet, and above it the parts that are not printed: a link back and the print button. */
-export const Sheet = ({ title, back, kind = '', footer = words.printed, children }) => {
+export const Sheet = ({ title, back, kind = '', hint = words.hint, footer = words.printed, children }) => {
   document.title = `${title} – ${t.product}`; // Also the name that a browser saves the sheet under.
   return html`
   <div class="report-bar row">
     <a class="button" href=${href(back)}>${words.back}</a>
     <button class="button main" type="button" onClick=${() => print()}>${words.print}</button>
-    <span class="small muted">${words.hint}</span>
+    <span class="small muted">${hint}</span>
   </div>
   <article class=${`report ${kind}`}>
     <header><${CentreLetterhead} /><h1 tabindex="-1">${title}</h1></header>
