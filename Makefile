@@ -137,8 +137,8 @@ old-recordings: test-packages ## send 400 old recordings by `trocar upload`, kil
 	cargo test --locked --test integration four_hundred_recordings -- --ignored --nocapture
 
 .PHONY: live-load
-live-load: release test-packages ## measure how many boxes this machine sustains, and the latency of positions; LOAD=tape or LOAD=bare for one kind
-	$(if $(LOAD),TROCAR_LOAD=$(LOAD)) TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration this_machine_sustains -- --ignored --nocapture
+live-load: release test-packages ## measure how many boxes this machine sustains, and the latency of positions, and what watchers cost; LOAD=tape, bare or watchers for one kind
+	$(if $(LOAD),TROCAR_LOAD=$(LOAD)) TROCAR_PROGRAM=$(abspath $(RELEASE)) cargo test --locked --test integration this_machine_sustains -- --ignored --nocapture --test-threads 1
 
 .PHONY: progress-load
 progress-load: release test-packages ## measure the progress of a trainee with 500 sessions among 10,000, beside /healthz; check its queries

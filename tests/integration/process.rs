@@ -82,6 +82,11 @@ pub struct CpuTimes {
 }
 
 impl CpuTimes {
+    /// CPU time of the process itself.
+    pub fn own_s(&self) -> f64 {
+        self.own_s
+    }
+
     /// Reads the CPU time of a process by its id, or by `self`. `None` if there is no such process.
     pub fn of(process: &str) -> Option<Self> {
         /// The kernel's unit for CPU times, the same on every machine.

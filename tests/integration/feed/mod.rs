@@ -10,6 +10,7 @@ pub mod push;
 pub mod scene;
 mod seen;
 pub mod sender;
+mod watchers;
 
 use std::io::Write;
 use std::time::Duration;
