@@ -49,7 +49,8 @@ pub struct SelfTestArgs {
     /// Show no progress on stderr.
     #[arg(long)]
     quiet: bool,
-    /// The recording; docs/self_test.md says how to make it.
+    /// The recording: first 3 s of the board alone in the box, then the end of the rod held still for 2 s on each of six
+    /// inner corners of the board, spread over it.
     video: PathBuf,
 }
 

@@ -75,13 +75,13 @@ const ADMINISTRATOR: &str = "administrator";
 #[derive(clap::Args)]
 pub struct ServeArgs {
     /// Folder for database, recordings and results; the first start creates it [default: trocar-data]
-    #[arg(long)]
+    #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
     /// Address to listen on [default: 127.0.0.1:8080]
-    #[arg(long)]
+    #[arg(long, value_name = "ADDRESS:PORT")]
     listen: Option<SocketAddr>,
     /// Number of recordings tracked at the same time [default: half the cores]
-    #[arg(long)]
+    #[arg(long, value_name = "N")]
     workers: Option<usize>,
     /// Folder that is watched for recordings; they wait for a name, or are assigned by its list people.csv
     #[arg(long, value_name = "FOLDER")]
@@ -93,10 +93,10 @@ pub struct ServeArgs {
     #[arg(long, env = "TROCAR_HIDE_PASSWORD", value_parser = FalseyValueParser::new())]
     hide_password: bool,
     /// Settings file [default: trocar.toml in the data folder]
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
     /// Log filter, such as `info` or `trocar=debug`
-    #[arg(long, env = "TROCAR_LOG", default_value = "info")]
+    #[arg(long, value_name = "FILTER", env = "TROCAR_LOG", default_value = "info")]
     log: String,
     /// Write the log as JSON, one object per line
     #[arg(long)]

@@ -43,8 +43,9 @@ impl App {
         let Some(readers) = local_readers(&base).filter(|_| !is_local_accepted) else { return Ok(base) };
         let detail = format!(
             "It would have the address {base} for ever, which can be opened {readers}. An administrator can set the right \
-             address with `public_url` under `[http]` in the settings (docs/operations.md, Settings). If it is to have this \
-             address all the same, confirm it with `accept_local_address`."
+             address: `public_url` under `[http]` in the settings file, which is trocar.toml in the data folder unless the \
+             service was started with another one. It counts after a restart. If it is to have this address all the same, \
+             confirm it with `accept_local_address`."
         );
         Err(Refusal::Conflict.with(detail).member("local_address", base))
     }

@@ -10,8 +10,11 @@ use crate::domain::job::JobKind;
 static MIGRATIONS: Migrator = sqlx::migrate!("./migrations");
 
 /// What an administrator does about a database of a newer program.
-const NEWER: &str = "a newer version of this program has changed it: install the newer version again, or go back to \
-                     the copy made before the update (docs/operations.md, Update)";
+const NEWER: &str = "a newer version of this program has changed it: install the newer version again, which loses nothing. To \
+     go back to the state before the update, which loses what came after it: stop the service, move \
+     all files `trocar.db*` out of the data folder and `before-update/trocar.db` to their place, and \
+     start the earlier version; docs/operations.md, Update, has the commands, and what the lists of \
+     erasures need";
 
 /// How a database's schema compares with this program's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

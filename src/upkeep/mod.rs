@@ -76,8 +76,8 @@ pub enum UpkeepError {
     #[error(
         "the database `{}` is missing or empty, but its folder holds {remains} of an earlier one. No new database is \
          made, because it would name none of the files. Put the database back: from a backup, with `trocar admin \
-         restore BACKUP --data NEW-FOLDER`, or the copy from before the last update (docs/operations.md, Update). For \
-         a new centre, name an empty folder with --data. Copy the folders `uploads` and `feeds` aside first: a start \
+         restore BACKUP --data NEW-FOLDER`, or the copy from before the last update: \
+         `before-update/trocar.db` in the data folder, with the program of that time (docs/operations.md, Update). For a new centre, name an empty folder with --data. Copy the folders `uploads` and `feeds` aside first: a start \
          with an older database deletes what it does not know", .database.display()
     )]
     LostDatabase {

@@ -3290,7 +3290,7 @@ export default {
     pageLanguage: 'de',
     notIssued: 'Noch nicht ausgestellt',
     localAddress: address => `Diese Adresse funktioniert nur hier: ${address}`,
-    localAddressBody: 'Andere können sie anderswo nicht öffnen, und ein Zertifikat behält seine Adresse für immer. Eine Administratorin oder ein Administrator kann die richtige einstellen: public_url im Abschnitt [http] der Einstellungen (docs/operations.md, „Settings“). Stellen Sie das Zertifikat danach aus.',
+    localAddressBody: 'Andere können sie anderswo nicht öffnen, und ein Zertifikat behält seine Adresse für immer. Eine Administratorin oder ein Administrator kann die richtige auf dem Server einstellen: public_url im Abschnitt [http] der Einstellungsdatei (trocar.toml im Datenordner), dann ein Neustart. Stellen Sie das Zertifikat danach aus.',
     issueAllTheSame: 'Mit dieser Adresse ausstellen',
     notIssuedBody: 'Das Blatt unten hat keine Signatur. Stellen Sie das Zertifikat aus: Dann gibt es ein signiertes PDF mit einem Code, den andere prüfen können.',
     keys: 'Schlüssel der Zertifikate',

@@ -3140,7 +3140,7 @@ export default {
     pageLanguage: 'en',
     notIssued: 'Not issued yet',
     localAddress: address => `This address works only here: ${address}`,
-    localAddressBody: 'People elsewhere cannot open it, and a certificate keeps its address for ever. An administrator can set the right one: public_url in the section [http] of the settings (docs/operations.md, “Settings”). Then issue the certificate.',
+    localAddressBody: 'People elsewhere cannot open it, and a certificate keeps its address for ever. An administrator can set the right one on the server: public_url in the section [http] of the settings file (trocar.toml in the data folder), then a restart. Issue the certificate after that.',
     issueAllTheSame: 'Issue with this address',
     notIssuedBody: 'The sheet below has no signature. Issue the certificate to get a signed PDF with a code that others can check.',
     keys: 'Keys of certificates',

@@ -1,5 +1,6 @@
 //! The command line from the view of a user: its output on stdout and stderr, and its exit status.
 
+use std::collections::BTreeSet;
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
@@ -515,4 +516,45 @@ fn input_that_the_palette_command_cannot_use_is_named() {
     assert!(stderr.contains("names no `video`"), "{stderr}");
     assert!(trocar(folder.path(), "palette --check annotations.json clip.mp4").status.success());
     assert_eq!(trocar(folder.path(), "palette").status.code(), Some(2));
+}
+
+/// The help of a command and of all its subcommands, by command line.
+fn helps(line: &str, found: &mut Vec<(String, String)>) {
+    let output = trocar(Path::new("."), format!("{line} --help").trim_start());
+    assert!(output.status.success(), "trocar {line} --help");
+    let text = String::from_utf8(output.stdout).unwrap();
+    let listed = text.lines().skip_while(|row| *row != "Commands:").skip(1).take_while(|row| !row.is_empty());
+    let names = listed.filter(|row| row.starts_with("  ") && !row.starts_with("   "));
+    let names: Vec<String> = names.filter_map(|row| row.split_whitespace().next().map(str::to_owned)).collect();
+    found.push((line.to_owned(), text));
+    for name in names.iter().filter(|name| *name != "help") {
+        helps(format!("{line} {name}").trim_start(), found);
+    }
+}
+
+#[test]
+fn every_option_has_a_help_text_without_a_path_into_the_docs_and_those_of_the_docs_exist() {
+    let mut found = Vec::new();
+    helps("", &mut found);
+    assert!(found.len() > 25, "{found:?}");
+    let mut options: BTreeSet<String> = BTreeSet::new();
+    for (line, text) in &found {
+        assert!(!text.contains("docs/"), "the help of `{line}` must say it itself:\n{text}");
+        let rows: Vec<&str> = text.lines().collect();
+        for (at, row) in rows.iter().enumerate().filter(|(_, row)| row.trim_start().starts_with('-')) {
+            let Some((_, name)) = row.split_once("--") else { continue };
+            let name = name.split([' ', ',']).next().unwrap();
+            options.insert(format!("--{name}"));
+            let (_, rest) = row.split_once(&format!("--{name}")).unwrap();
+            let is_said_here = rest.trim_start().trim_start_matches(|sign| sign != ' ').trim_start().len() > 3;
+            let is_said_below =
+                rows.get(at + 1).is_some_and(|next| next.trim().len() > 3 && !next.trim().starts_with('-'));
+            assert!(is_said_here || is_said_below, "`{line}`: --{name} has no help text:\n{text}");
+        }
+    }
+    let docs = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/command_line.md")).unwrap();
+    let named = docs.split([' ', '`', '[', ']', '(', ')', ',', ';', '\n']).filter(|word| word.starts_with("--"));
+    let named: BTreeSet<&str> = named.map(|word| word.trim_end_matches(['.', ':'])).collect();
+    let missing: Vec<&&str> = named.iter().filter(|name| !options.contains(**name)).collect();
+    assert!(named.len() > 30 && missing.is_empty(), "docs/command_line.md names unknown options: {missing:?}");
 }

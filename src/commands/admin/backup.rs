@@ -16,6 +16,7 @@ use crate::upkeep::{self, BackupReport, UpkeepError};
 #[derive(clap::Args)]
 pub struct BackupArgs {
     /// Folder for the copy: a new one, which is created, an empty one, or one that an interrupted backup left
+    #[arg(value_name = "FOLDER")]
     to: PathBuf,
 }
 

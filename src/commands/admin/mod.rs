@@ -37,10 +37,10 @@ const LOST_FILES: &str = "A lost file: copy it from a backup that has it to the 
 #[derive(clap::Args)]
 pub struct AdminArgs {
     /// Data folder of the service [default: trocar-data, or `data` in the settings]
-    #[arg(long, global = true, value_name = "DIR")]
+    #[arg(long, global = true, value_name = "DIR", display_order = 100)]
     data: Option<PathBuf>,
     /// Settings file [default: trocar.toml in the data folder]
-    #[arg(long, global = true, value_name = "FILE")]
+    #[arg(long, global = true, value_name = "FILE", display_order = 101)]
     settings: Option<PathBuf>,
     #[command(subcommand)]
     command: AdminCommand,
@@ -51,6 +51,7 @@ enum AdminCommand {
     #[command(flatten)]
     InFolder(FolderCommand),
     /// Make a data folder (--data, new or empty) of a backup, and erase again what was erased since the backup.
+    #[command(display_order = 3)]
     Restore(restore::RestoreArgs),
 }
 
@@ -58,16 +59,19 @@ enum AdminCommand {
 #[derive(Subcommand)]
 enum FolderCommand {
     /// Check the database and the files, without changing them; exit status 1 if data is lost.
+    #[command(display_order = 1)]
     Check(check::CheckArgs),
-    /// Copy database and files into an empty folder; the service may run. Exit status 1 if files are lost.
+    /// Copy database and files into a new or empty folder; the service may run. Exit status 1 if files are lost.
+    #[command(display_order = 2)]
     Backup(backup::BackupArgs),
     /// Delete the stored files that the database does not name; the service must be stopped.
+    #[command(display_order = 4)]
     DeleteOrphans,
     /// List, add and delete accounts; set passwords.
-    #[command(subcommand)]
+    #[command(subcommand, display_order = 5)]
     User(user::UserCommand),
     /// List, add and delete access tokens of programs.
-    #[command(subcommand)]
+    #[command(subcommand, display_order = 6)]
     Token(token::TokenCommand),
 }
 

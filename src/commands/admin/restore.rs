@@ -15,7 +15,7 @@ use crate::upkeep::{self, ErasureListChoice, Restored, UpkeepError};
 /// Arguments of `trocar admin restore`.
 #[derive(clap::Args)]
 pub struct RestoreArgs {
-    /// The backup
+    /// Folder of the backup, as `trocar admin backup` made it
     backup: PathBuf,
     /// List of what was erased since the backup [default: `erasures` beside the backup]
     #[arg(long, value_name = "FILE", conflicts_with = "without_erasures")]

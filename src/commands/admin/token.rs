@@ -22,17 +22,17 @@ pub enum TokenCommand {
     Add {
         /// Name of the token: the purpose it serves
         name: Name,
-        /// Account whose rights the token has
+        /// Account whose rights the token has; needed unless --box is given
         #[arg(long, value_name = "LOGIN", required_unless_present = "for_box")]
         acts_for: Option<Login>,
-        /// Role of the token, if lower than the account's
+        /// Role of the token, if lower than the account's: administrator, instructor or trainee
         #[arg(long, requires = "acts_for")]
         role: Option<Role>,
         /// Id or code of the box, for the token of a box's agent
         #[arg(long = "box", value_name = "BOX", conflicts_with = "acts_for")]
         for_box: Option<String>,
         /// When the token expires, within ten years, such as 2027-01-31T00:00:00Z, or `never` [default: in a year]
-        #[arg(long, value_parser = parse_expiry)]
+        #[arg(long, value_name = "TIME", value_parser = parse_expiry)]
         expires_at: Option<TokenExpiry>,
     },
     /// Delete a token; programs that use it lose access.

@@ -86,7 +86,10 @@ pub(super) fn run(args: InstallArgs) -> Result<(), CommandFailure> {
         .map_err(CommandFailure::Input)?;
     if !token.trim().starts_with("trc_") {
         let shown = args.token_file.display();
-        let why = anyhow!("{shown} holds no token; a token begins with trc_. Make one for the box, see docs/agent.md");
+        let why = anyhow!(
+            "{shown} holds no token; a token begins with trc_. Make one on the page of the box, or with \
+             `trocar admin token add NAME --box BOX` on the server"
+        );
         return Err(CommandFailure::Input(why));
     }
     check_system().map_err(|why| CommandFailure::Input(anyhow!(why)))?;

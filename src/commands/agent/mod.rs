@@ -59,11 +59,11 @@ pub struct AgentArgs {
 
 #[derive(clap::Subcommand)]
 enum AgentSubcommand {
-    /// Keep the camera open, report the state of the box, and record at the word of the server or of the box's screen.
+    /// Keep the camera open, report the state of the box, and record when the server or the box's screen says so.
     StandBy(standby::StandbyArgs),
     /// Install the agent as a service of this computer that stands by.
     Install(install::InstallArgs),
-    /// Remove that service. The spool and the token stay.
+    /// Remove the service that `install` made; the spool and the token stay.
     Uninstall(install::UninstallArgs),
 }
 
@@ -90,17 +90,17 @@ struct RecordArgs {
     /// File with the token of the box's agent
     #[arg(long, value_name = "FILE")]
     token_file: PathBuf,
-    /// Id or code of the trainee
+    /// Id or code of the trainee; needed with a source
     #[arg(long, value_name = "ID", requires = "source")]
     trainee: Option<String>,
-    /// Id or code of the task
+    /// Id or code of the task; needed with a source
     #[arg(long, value_name = "ID", requires = "source")]
     task: Option<String>,
     /// Folder for frames that the server does not have yet
     #[arg(long, value_name = "DIR", default_value = "trocar-spool")]
     spool: PathBuf,
-    /// Limit of the spool, bytes; when it is full, the oldest frames are deleted
-    #[arg(long, value_name = "N", default_value_t = SPOOL_BYTES)]
+    /// Limit of the spool, bytes; when it is full, the oldest frames are deleted [default: 17179869184, which are 16 GiB]
+    #[arg(long, value_name = "N", default_value_t = SPOOL_BYTES, hide_default_value = true)]
     spool_bytes: u64,
     /// End the recording after this many seconds
     #[arg(long, value_name = "N")]
@@ -121,7 +121,7 @@ struct RecordArgs {
     #[arg(long = "option", value_name = "KEY=VALUE", value_parser = key_value)]
     options: Vec<(String, String)>,
     /// Log filter, such as `info` or `trocar=debug`
-    #[arg(long, default_value = "info")]
+    #[arg(long, value_name = "FILTER", default_value = "info")]
     log: String,
     /// Camera (/dev/video0), file, or address that FFmpeg can open; without it, only the spool is sent
     #[arg(requires = "trainee", requires = "task")]

@@ -49,8 +49,8 @@ pub(super) struct StandbyArgs {
     /// Folder for frames that the server does not have yet
     #[arg(long, value_name = "DIR", default_value = "trocar-spool")]
     spool: PathBuf,
-    /// Limit of the spool, bytes; when it is full, the oldest frames are deleted
-    #[arg(long, value_name = "N", default_value_t = SPOOL_BYTES)]
+    /// Limit of the spool, bytes; when it is full, the oldest frames are deleted [default: 17179869184, which are 16 GiB]
+    #[arg(long, value_name = "N", default_value_t = SPOOL_BYTES, hide_default_value = true)]
     spool_bytes: u64,
     /// A camera that sends nothing for this many seconds is missing, and is opened again
     #[arg(long, value_name = "N", default_value_t = CAMERA_SILENCE_S)]
@@ -74,7 +74,7 @@ pub(super) struct StandbyArgs {
     #[arg(long = "option", value_name = "KEY=VALUE", value_parser = key_value)]
     options: Vec<(String, String)>,
     /// Log filter, such as `info` or `trocar=debug`
-    #[arg(long, default_value = "info")]
+    #[arg(long, value_name = "FILTER", default_value = "info")]
     log: String,
     /// Added to the clock of this computer, ms; for tests
     #[arg(long, hide = true, default_value_t = 0, allow_hyphen_values = true)]

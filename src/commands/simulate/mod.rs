@@ -24,22 +24,22 @@ pub struct SimulateArgs {
     #[arg(long)]
     scene: String,
     /// Seed of the hands' motion and the sensor's noise; the same seed gives the same pixels.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
     seed: u64,
     /// Folder to write to; created if missing.
-    #[arg(long)]
+    #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Picture size, pixels.
-    #[arg(long, default_value = "1280x720", value_parser = size)]
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1280x720", value_parser = size)]
     size: (u32, u32),
     /// Number of frames; without this and --seconds, until the task is done.
-    #[arg(long, conflicts_with = "seconds", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: Option<u32>,
     /// Length in seconds; the task is repeated if it is shorter.
-    #[arg(long, value_parser = seconds)]
+    #[arg(long, value_name = "N", value_parser = seconds)]
     seconds: Option<f64>,
     /// Frames per second.
-    #[arg(long, default_value_t = 25.0, value_parser = rate)]
+    #[arg(long, value_name = "HZ", default_value_t = 25.0, value_parser = rate)]
     fps: f64,
     /// Level of the simulated person: novice, intermediate or expert.
     #[arg(long, default_value = "intermediate")]
@@ -52,7 +52,7 @@ pub struct SimulateArgs {
     #[arg(long, default_value = "top")]
     view: String,
     /// Number of the box: it sets lens, mounting and mat. Clips of one box share one calibration.
-    #[arg(long = "box", default_value_t = 1)]
+    #[arg(long = "box", value_name = "NUMBER", default_value_t = 1)]
     rig: u64,
     /// What shows where the tools are: band (of tape) or bare (no tape, a steel collar before the jaws). Bare tools are
     /// called left and right, and a picture of the empty box is written, too.
@@ -66,13 +66,13 @@ pub struct SimulateArgs {
     #[arg(long, default_value = "black")]
     shaft: String,
     /// Outer diameter of the tools, over the tape if they have some, mm.
-    #[arg(long, default_value_t = 5.0, value_parser = diameter)]
+    #[arg(long, value_name = "MM", default_value_t = 5.0, value_parser = diameter)]
     diameter_mm: f64,
     /// Shift of the camera to its right since the box was set up, mm.
-    #[arg(long, default_value_t = 0.0, value_parser = moved, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = moved, allow_negative_numbers = true)]
     camera_moved_mm: f64,
     /// Number of checkerboard photos.
-    #[arg(long, default_value_t = 18, value_parser = clap::value_parser!(u16).range(0..=99))]
+    #[arg(long, value_name = "N", default_value_t = 18, value_parser = clap::value_parser!(u16).range(0..=99))]
     boards: u16,
     /// Bend the board on the last three photos.
     #[arg(long)]

@@ -64,7 +64,7 @@ pub struct UploadArgs {
     #[arg(long)]
     quiet: bool,
     /// Log filter, such as `warn` or `trocar=debug`
-    #[arg(long, default_value = "warn")]
+    #[arg(long, value_name = "FILTER", default_value = "warn")]
     log: String,
 }
 

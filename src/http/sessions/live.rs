@@ -225,8 +225,9 @@ pub async fn live(
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> HandlerResult<Response> {
     let upgrade = upgrade.map_err(|_| {
-        Refusal::BadRequest
-            .with("This address accepts only WebSocket connections. docs/live.md describes the protocol.")
+        Refusal::BadRequest.with(
+            "This address accepts only WebSocket connections. To watch in a browser, open the page of the session.",
+        )
     })?;
     origin::refuse_foreign(&headers)?;
     let session = app.store.sessions().get(&by.scope, at.id()?).await?;
