@@ -29,9 +29,9 @@
       parts/charts/progress_plot.js parts/courses/course_state.js parts/courses/own_courses.js
       parts/exams/exam_list.js parts/forms/dialog.js parts/page/recorded_at.js parts/page/save_table.js
       parts/page/status.js parts/people/access_entries.js parts/people/certificates.js parts/people/consent.js
-      parts/people/own_data.js parts/people/progress_summary.js parts/people/record_merges.js
-      parts/people/retention.js parts/people/strengths.js parts/tasks/hand_choice.js parts/tasks/space_choice.js
-      parts/tasks/standard.js with_error.js`,
+      parts/people/error_score_progress.js parts/people/own_data.js parts/people/progress_summary.js
+      parts/people/record_merges.js parts/people/retention.js parts/people/strengths.js
+      parts/tasks/hand_choice.js parts/tasks/space_choice.js parts/tasks/standard.js with_error.js`,
     task: `
       format.js pages/task.js parts/charts/axis.js parts/charts/spread_plot.js parts/forms/dialog.js
       parts/forms/focus.js parts/page/status.js parts/session/error_score.js parts/tasks/error_list_form.js

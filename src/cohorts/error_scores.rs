@@ -6,16 +6,18 @@
 //! judged. Counts and amounts have an intraclass correlation; counts and items of yes or no also have the share of
 //! people who got the same value from all raters.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::answer::{IntervalEstimate, Withheld};
+use super::answer::{ErrorScorePoint, ErrorScoreSeries, IntervalEstimate, NoScore, Withheld};
+use super::series::NumberedSession;
 use super::{Cohorts, CohortsError};
 use crate::domain::error_sheet::{
     ErrorItem, ErrorItemKind, ErrorScore, MeasuredTime, NoErrorScore, ScoreFormula, ScoreTime, SheetToScore, values_of,
 };
+use crate::domain::feature::FeatureKey;
 use crate::domain::scope::Scope;
 use crate::domain::session::{BoxQuestion, FeatureSpace};
 use crate::ids::{PersonId, SessionId, TaskId, TraineeId};
@@ -24,7 +26,8 @@ use crate::statistics::NoAnswer;
 use crate::statistics::agreement::{IccForm, MIN_RATED, SameRaters, icc, same_raters};
 use crate::statistics::interval::wilson;
 use crate::store::{
-    ErrorSheetRecord, GivenErrorSheet, ScoreFormulaRecord, SessionRecord, SessionResult, VisibleErrorSheets,
+    ErrorSheetRecord, GivenErrorSheet, PracticeSession, ScoreFormulaRecord, SessionRecord, SessionResult,
+    VisibleErrorSheets,
 };
 use crate::time::Day;
 
@@ -35,6 +38,22 @@ pub struct ErrorScoreAnswer {
     pub formula: Option<ScoreFormulaRecord>,
     /// The score.
     pub score: Result<ErrorScore, NoErrorScore>,
+}
+
+/// What decides a session's score beside its sheets and the formula.
+struct SessionToScore {
+    is_set_aside: bool,
+    box_question: Option<BoxQuestion>,
+    duration: Result<MeasuredTime, NoErrorScore>,
+}
+
+/// The versions of a task's formula, and the finished sheets of a trainee's sessions that the caller may see.
+#[derive(Default)]
+pub(super) struct PracticeScores {
+    /// Newest first; empty if the task has no formula.
+    pub versions: Vec<ScoreFormulaRecord>,
+    /// By session; sessions without a finished sheet are left out.
+    pub sheets: HashMap<SessionId, VisibleErrorSheets>,
 }
 
 /// Agreement of the raters of a task's sessions on the items of its error list.
@@ -80,12 +99,9 @@ impl Cohorts {
         sheets: &VisibleErrorSheets,
     ) -> Result<ErrorScoreAnswer, CohortsError> {
         let versions = self.store.score_formulas().list(scope, session.task_id).await?;
-        let day = Day::of(session.created_at_ms);
-        let is_empty = versions.is_empty();
-        let Some(formula) = versions.into_iter().find(|version| version.valid_from.is_none_or(|first| first <= day))
-        else {
-            let why = if is_empty { NoErrorScore::NoFormula } else { NoErrorScore::NotValidYet };
-            return Ok(ErrorScoreAnswer { formula: None, score: Err(why) });
+        let formula = match valid_formula(&versions, session.created_at_ms) {
+            Ok(formula) => formula.clone(),
+            Err(why) => return Ok(ErrorScoreAnswer { formula: None, score: Err(why) }),
         };
         let score = self.score_by(scope, session, sheets, &formula.definition).await?;
         Ok(ErrorScoreAnswer { formula: Some(formula), score })
@@ -99,24 +115,31 @@ impl Cohorts {
         sheets: &VisibleErrorSheets,
         formula: &ScoreFormula,
     ) -> Result<Result<ErrorScore, NoErrorScore>, CohortsError> {
-        if session.is_set_aside {
-            return Ok(Err(NoErrorScore::SetAside));
-        }
-        if session.box_question.is_some_and(|question| !BoxQuestion::counts(question)) {
-            return Ok(Err(NoErrorScore::BoxAsked));
-        }
-        if sheets.hidden > 0 {
-            return Ok(Err(NoErrorScore::Hidden));
-        }
-        let counting: Vec<SheetToScore> = sheets.finished.iter().filter(|sheet| sheet.counts).map(to_score).collect();
-        let measured = match formula.time {
+        let duration = match formula.time {
             ScoreTime::Typed => Err(NoErrorScore::NoDuration), // not read
             ScoreTime::Measured => {
                 let result = self.store.sessions().result(scope, session.id).await?;
                 result.as_ref().map_or(Err(NoErrorScore::NotScored), measured_time)
             }
         };
-        Ok(formula.score(&counting, measured))
+        let (is_set_aside, box_question) = (session.is_set_aside, session.box_question);
+        Ok(score_of(&SessionToScore { is_set_aside, box_question, duration }, sheets, formula))
+    }
+
+    /// What the error scores of these sessions need, from the sheets that the caller may see. Sheets are read only if the
+    /// task has a formula.
+    pub(super) async fn practice_scores(
+        &self,
+        scope: &Scope,
+        task: TaskId,
+        sessions: &[PracticeSession],
+    ) -> Result<PracticeScores, CohortsError> {
+        let versions = self.store.score_formulas().list(scope, task).await?;
+        if versions.is_empty() {
+            return Ok(PracticeScores::default());
+        }
+        let ids: Vec<SessionId> = sessions.iter().map(|session| session.id).collect();
+        Ok(PracticeScores { versions, sheets: self.store.error_sheets().finished_of(scope, &ids).await? })
     }
 
     /// Agreement of the raters of a task's sessions on its error items.
@@ -125,6 +148,76 @@ impl Cohorts {
         let items = self.store.error_lists().in_use(scope, task).await?.map(|list| list.items).unwrap_or_default();
         self.calculate(move || agreement_on(&items, &given)).await
     }
+}
+
+/// The version that scores a session which arrived then. `versions`: newest first.
+fn valid_formula(versions: &[ScoreFormulaRecord], arrived_at_ms: i64) -> Result<&ScoreFormulaRecord, NoErrorScore> {
+    let day = Day::of(arrived_at_ms);
+    let found = versions.iter().find(|version| version.valid_from.is_none_or(|first| first <= day));
+    found.ok_or(if versions.is_empty() { NoErrorScore::NoFormula } else { NoErrorScore::NotValidYet })
+}
+
+/// The score of a session from the sheets that a caller may see: the one rule for the session's page and for progress.
+fn score_of(
+    session: &SessionToScore,
+    sheets: &VisibleErrorSheets,
+    formula: &ScoreFormula,
+) -> Result<ErrorScore, NoErrorScore> {
+    if session.is_set_aside {
+        return Err(NoErrorScore::SetAside);
+    }
+    if session.box_question.is_some_and(|question| !BoxQuestion::counts(question)) {
+        return Err(NoErrorScore::BoxAsked);
+    }
+    if sheets.hidden > 0 {
+        return Err(NoErrorScore::Hidden);
+    }
+    let counting: Vec<SheetToScore> = sheets.finished.iter().filter(|sheet| sheet.counts).map(to_score).collect();
+    formula.score(&counting, session.duration)
+}
+
+/// The error score over a trainee's sessions: a series for each version of the formula that scores one of them, the oldest
+/// version first. Sessions that no version scores are in none.
+pub(super) fn error_score_series(sessions: &[NumberedSession<'_>], scores: &PracticeScores) -> Vec<ErrorScoreSeries> {
+    let mut series: BTreeMap<i64, ErrorScoreSeries> = BTreeMap::new();
+    let no_sheets = VisibleErrorSheets::default();
+    for NumberedSession { number, session, .. } in sessions {
+        let Ok(formula) = valid_formula(&scores.versions, session.created_at_ms) else { continue };
+        let sheets = scores.sheets.get(&session.id).unwrap_or(&no_sheets);
+        let score = score_of(&practised(session), sheets, &formula.definition);
+        let none = score.as_ref().err().copied().map(NoScore::from);
+        let score = score.ok();
+        let point = ErrorScorePoint {
+            session: *number,
+            value: score.as_ref().map(|score| score.value),
+            low: score.as_ref().and_then(|score| score.low),
+            high: score.as_ref().and_then(|score| score.high),
+            sheets: score.as_ref().map_or(0, |score| score.sheets),
+            none,
+        };
+        let (version, valid_from) = (formula.version, formula.valid_from);
+        let new = || ErrorScoreSeries { formula: version, valid_from, points: Vec::new() };
+        series.entry(version).or_insert_with(new).points.push(point);
+    }
+    series.into_values().collect()
+}
+
+/// As [`measured_time`] reads it from the whole result.
+fn practised(session: &PracticeSession) -> SessionToScore {
+    let of = FeatureKey::of_session(&DURATION, FeatureSpace::Space3d);
+    let duration = match &session.result {
+        None => Err(NoErrorScore::NotScored),
+        Some(result) if result.refused => Err(NoErrorScore::Refused),
+        Some(_) => match session.measured.iter().find(|measured| measured.of == of) {
+            None => Err(NoErrorScore::NoDuration),
+            Some(measured) if measured.is_lower_bound => Err(NoErrorScore::OnlyPart),
+            Some(measured) => {
+                let found = measured.value.map(|value| MeasuredTime { value, bar: measured.bar });
+                found.ok_or(NoErrorScore::NoDuration)
+            }
+        },
+    };
+    SessionToScore { is_set_aside: session.is_set_aside, box_question: session.box_question, duration }
 }
 
 fn to_score(sheet: &ErrorSheetRecord) -> SheetToScore {

@@ -10,6 +10,7 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 
 use super::answer::{ProgressAnswer, SessionStep, SetAside};
 use super::cache::ComputedCache;
+use super::error_scores::{PracticeScores, error_score_series};
 use super::people::LAST_SESSIONS;
 use super::series::{NumberedSession, TraineeContext, feature_series};
 use super::verdicts::Verdicts;
@@ -89,8 +90,12 @@ impl Cohorts {
         };
         let (standards, standard) = self.task_standards(scope, task.id).await?;
         let shown = FeatureSelection::of(&asked, &standards)?;
-        let features = shown.features();
+        let mut features = shown.features();
+        if !features.contains(&&time::DURATION) {
+            features.push(&time::DURATION); // for the error score
+        }
         let practice = self.store.sessions().practice(scope, trainee.id, task.id, &features, MAX_SESSIONS).await?;
+        let scores = self.practice_scores(scope, task.id, &practice.sessions).await?;
         let keys = shown.keys([&practice]);
         let among = match &cohort {
             Some(cohort) => Some(self.store.cohorts().values(cohort.id, task.id, LAST_SESSIONS, &keys).await?),
@@ -100,7 +105,7 @@ impl Cohorts {
         let (id, handedness) = (trainee.id, trainee.handedness);
         let calculation = move || {
             let context = TraineeContext { trainee: id, handedness, among: among.as_deref() };
-            progress_answer(&practice, (&shown, keys), &standards, &context, &known, now_ms)
+            progress_answer((&practice, &scores), (&shown, keys), &standards, &context, &known, now_ms)
         };
         let course = self.calculate(calculation).await?;
         Ok(TraineeProgress { trainee, task: Some(task), standard, cohort, answer: course })
@@ -241,7 +246,7 @@ impl ProgressSelection {
 
 /// The progress over these sessions.
 fn progress_answer(
-    practice: &Practice,
+    (practice, scores): (&Practice, &PracticeScores),
     (shown, keys): (&FeatureSelection, Vec<FeatureKey>),
     standards: &TaskStandards,
     context: &TraineeContext<'_>,
@@ -254,7 +259,8 @@ fn progress_answer(
             sessions.iter().filter(|session| shown.shows(key, session)).copied().collect();
         feature_series(key, &sessions, standards, context, known)
     };
-    ProgressAnswer { features: keys.iter().map(of).collect(), ..course }
+    let error_scores = error_score_series(&sessions, scores);
+    ProgressAnswer { features: keys.iter().map(of).collect(), error_scores, ..course }
 }
 
 /// Numbers the sessions and judges them. The answer's features are still empty.
@@ -306,6 +312,7 @@ pub(super) fn judge_sessions<'p>(
         earlier: practice.earlier,
         sessions: sessions.iter().map(step).collect(),
         features: Vec::new(),
+        error_scores: Vec::new(),
         rule: current.and_then(|verdicts| verdicts.rule.clone()),
         reminders: earned.map_or_else(Vec::new, |verdicts| verdicts.reminders(&by_arrival, now_ms)),
         passed: earned.and_then(Verdicts::passed),

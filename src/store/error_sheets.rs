@@ -54,6 +54,8 @@ pub struct ErrorMarkRecord {
 pub struct ErrorSheetRecord {
     /// Its id.
     pub id: ErrorSheetId,
+    /// Its session.
+    pub session_id: SessionId,
     /// The rater; `None` if the account has been deleted.
     pub person_id: Option<PersonId>,
     /// The rater's name.
@@ -113,22 +115,31 @@ pub struct GivenErrorSheet {
 type GivenSheetRow = (ErrorSheetId, SessionId, i64, TraineeId, PersonId, Json<Vec<ErrorItem>>);
 type OpenSheetRow = (ErrorSheetId, Json<Vec<ErrorItem>>);
 
-/// Selects the finished sheets of session `$3` that no correction replaced, newest first.
+/// Selects the finished sheets of the sessions `$3` (a JSON array) that no correction replaced, oldest first; of each session
+/// the newest `$4`.
 const SELECT_FINISHED: &str = "
-    SELECT sheet.id, sheet.person_id, person.name AS who, list.task_id, task.name AS task_name, list.version, list.items,
+    SELECT sheet.id, sheet.session_id, sheet.person_id, person.name AS who, list.task_id, task.name AS task_name, list.version, list.items,
            sheet.time_s, sheet.is_blind, list.task_id = session.task_id AS counts, sheet.created_at_ms,
            sheet.finished_at_ms
-    FROM error_sheet AS sheet
+    FROM (SELECT error_sheet.*,
+                 row_number() OVER (PARTITION BY session_id ORDER BY finished_at_ms DESC, rowid DESC) AS place
+          FROM error_sheet
+          WHERE session_id IN (SELECT value FROM json_each($3)) AND finished_at_ms IS NOT NULL
+            AND replaced_at_ms IS NULL) AS sheet
     JOIN session ON session.id = sheet.session_id
     JOIN error_list AS list ON list.id = sheet.list_id
     JOIN task ON task.id = list.task_id
     LEFT JOIN person ON person.id = sheet.person_id
-    WHERE $1 <> 'agent' AND sheet.session_id = $3 AND sheet.finished_at_ms IS NOT NULL AND sheet.replaced_at_ms IS NULL
-    ORDER BY sheet.finished_at_ms DESC, sheet.rowid DESC LIMIT $4";
+    WHERE $1 <> 'agent' AND sheet.place <= $4
+      AND ($1 = 'administrator'
+           OR session.trainee_id IN (SELECT trainee_id FROM visible_trainee WHERE role = $1 AND subject = $2))
+      AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
+      AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
+    ORDER BY sheet.session_id, sheet.place DESC";
 
 /// Selects the open sheet of session `$3` by person `$4`.
 const SELECT_OPEN: &str = "
-    SELECT sheet.id, sheet.person_id, person.name AS who, list.task_id, task.name AS task_name, list.version, list.items,
+    SELECT sheet.id, sheet.session_id, sheet.person_id, person.name AS who, list.task_id, task.name AS task_name, list.version, list.items,
            sheet.time_s, sheet.is_blind, list.task_id = session.task_id AS counts, sheet.created_at_ms,
            sheet.finished_at_ms
     FROM error_sheet AS sheet
@@ -244,18 +255,34 @@ impl ErrorSheetStore<'_> {
     /// The sheets of a session that the caller may see.
     pub async fn of_session(&self, scope: &Scope, session: SessionId) -> StoreResult<VisibleErrorSheets> {
         self.0.sessions().get(scope, session).await?;
-        let rows = sqlx::query_as(SELECT_FINISHED).bind_scope(scope).bind(session).bind(MAX_READ);
-        let mut finished: Vec<ErrorSheetRecord> = rows.fetch_all(self.0.readers()).await?;
-        let all = finished.len();
-        finished.reverse();
-        let is_own = |sheet: &ErrorSheetRecord| sheet.person_id.is_some() && sheet.person_id == scope.person();
-        if scope.is_staff() && !scope.is_service() && !finished.iter().any(is_own) {
-            finished.clear();
+        let finished = self.finished_of(scope, &[session]).await?.remove(&session).unwrap_or_default();
+        Ok(VisibleErrorSheets { open: self.open(scope, session).await?, ..finished })
+    }
+
+    /// The finished sheets of these sessions that the caller may see, without the open ones. Sessions outside the scope, and
+    /// those without a finished sheet, are left out. All readers of finished sheets of others go through here.
+    pub async fn finished_of(
+        &self,
+        scope: &Scope,
+        sessions: &[SessionId],
+    ) -> StoreResult<HashMap<SessionId, VisibleErrorSheets>> {
+        let rows = sqlx::query_as(SELECT_FINISHED).bind_scope(scope).bind(Json(sessions)).bind(MAX_READ);
+        let rows: Vec<ErrorSheetRecord> = rows.fetch_all(self.0.readers()).await?;
+        let mut of_each: HashMap<SessionId, Vec<ErrorSheetRecord>> = HashMap::new();
+        rows.into_iter().for_each(|sheet| of_each.entry(sheet.session_id).or_default().push(sheet));
+        let mut hidden: HashMap<SessionId, usize> = HashMap::new();
+        for (session, finished) in &mut of_each {
+            let all = finished.len();
+            hide_before_own(scope, finished);
+            hidden.insert(*session, all - finished.len());
         }
-        let hidden = all - finished.len();
-        let open = self.open(scope, session).await?;
-        let finished = self.with_marks(finished).await?;
-        Ok(VisibleErrorSheets { open, finished, hidden })
+        let shown = self.with_marks(of_each.into_values().flatten().collect()).await?;
+        let mut visible: HashMap<SessionId, VisibleErrorSheets> = HashMap::new();
+        for (session, hidden) in hidden {
+            visible.insert(session, VisibleErrorSheets { hidden, ..VisibleErrorSheets::default() });
+        }
+        shown.into_iter().for_each(|sheet| visible.entry(sheet.session_id).or_default().finished.push(sheet));
+        Ok(visible)
     }
 
     /// The caller's open sheet of a session.
@@ -457,6 +484,14 @@ async fn copy_corrected(tx: &mut SqliteConnection, sheet: ErrorSheetId, now_ms: 
         insert_mark(tx, (ErrorMarkId::at(now_ms), sheet), (&item, at_s, amount), now_ms).await?;
     }
     Ok(())
+}
+
+/// Blind rating: removes the finished sheets of one session for staff who have not finished one of their own.
+fn hide_before_own(scope: &Scope, finished: &mut Vec<ErrorSheetRecord>) {
+    let is_own = |sheet: &ErrorSheetRecord| sheet.person_id.is_some() && sheet.person_id == scope.person();
+    if scope.is_staff() && !scope.is_service() && !finished.iter().any(is_own) {
+        finished.clear();
+    }
 }
 
 async fn insert_mark(

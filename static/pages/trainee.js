@@ -13,6 +13,7 @@ import { AccessEntries } from '../parts/people/access_entries.js';
 import { ExamsCard } from '../parts/exams/exam_list.js';
 import { CertificatesCard } from '../parts/people/certificates.js';
 import { ConsentCard } from '../parts/people/consent.js';
+import { ErrorScoreProgress, scoreCells, scoreHeading } from '../parts/people/error_score_progress.js';
 import { MergedNotice, RecordMerges } from '../parts/people/record_merges.js';
 import { RetentionCard } from '../parts/people/retention.js';
 import { StrengthsAndWeaknesses } from '../parts/people/strengths.js';
@@ -125,7 +126,8 @@ function Progress({ id, base, route }) {
       </div>
     </section>
     ${data && !none && html`<div class="stack after">${!query.feature && html`<${StrengthsAndWeaknesses} progress=${data} />`}
-      ${data.charts && html`<${MonitorCharts} charts=${data.charts} />`}</div>`}
+      ${data.charts && html`<${MonitorCharts} charts=${data.charts} />`}
+      <${ErrorScoreProgress} progress=${data} /></div>`}
     ${data && data.sessions.length > 0 && html`<${Sessions} trainee=${id} taskId=${task.id} progress=${data} />`}`;
 }
 
@@ -133,18 +135,21 @@ function Progress({ id, base, route }) {
 const cohortOf = route => (route.query.get('cohort') === NO_COHORT ? undefined : route.query.get('cohort'));
 
 /** The sessions with the values of all shown features, for a spreadsheet. */
-const tableRows = progress => [
-  [t.saveTable.number, t.sessions.recorded, t.outcome.name, ...progress.features.flatMap(one => {
-    const name = [featureWithTool(one), unit(one.unit)].filter(Boolean).join(', ');
-    return [name, `${name}: ${t.saveTable.low}`, `${name}: ${t.saveTable.high}`];
-  })],
-  ...progress.sessions.map(step => [step.number, csvTime(step.recorded_at),
-    words.setAside[step.set_aside ?? ''] ?? (step.trial ? t.report.trials[step.trial] : t.status[step.status]),
-    ...progress.features.flatMap(one => {
-      const point = one.points.find(of => of.session === step.number);
-      return [point?.value, point?.low, point?.high];
-    })]),
-];
+const tableRows = progress => {
+  const scores = scoreCells(progress);
+  return [
+    [t.saveTable.number, t.sessions.recorded, t.outcome.name, ...progress.features.flatMap(one => {
+      const name = [featureWithTool(one), unit(one.unit)].filter(Boolean).join(', ');
+      return [name, `${name}: ${t.saveTable.low}`, `${name}: ${t.saveTable.high}`];
+    }), ...scoreHeading(progress)],
+    ...progress.sessions.map(step => [step.number, csvTime(step.recorded_at),
+      words.setAside[step.set_aside ?? ''] ?? (step.trial ? t.report.trials[step.trial] : t.status[step.status]),
+      ...progress.features.flatMap(one => {
+        const point = one.points.find(of => of.session === step.number);
+        return [point?.value, point?.low, point?.high];
+      }), ...scores(step.number)]),
+  ];
+};
 
 /** Identifies a series in the address. */
 const seriesKey = one => [one.feature, handOrTool(one), one.space].join('|');

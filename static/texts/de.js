@@ -1711,6 +1711,15 @@ export default {
     madeOf: (sheets, left) => `Aus ${plural(sheets, 'abgeschlossenen Bogen', 'abgeschlossenen Bögen').replace('1 abgeschlossenen', '1 abgeschlossenem')}${sheets > 1 ? ', ihr Mittelwert' : ''}${left ? `; ${left} ausgelassen, weil etwas fehlt, das die Formel braucht` : ''}.`,
     bar: sheets => (sheets > 1 ? 'In Klammern: vom strengsten bis zum mildesten Bogen, mit dem 95-%-Fehler der Zeit.' : 'In Klammern: der 95-%-Fehler der Zeit.'),
     noBar: 'Der Fehler der Zeit ist unbekannt.',
+    scoreLead: 'Zeit und gezählte Fehler nach der Formel der Aufgabe, so wie die Seite jeder Sitzung sie zeigt. Mehr ist besser. Kein Standard benutzt ihn.',
+    fromVersion: version => `ab hier Version ${version}`,
+    versionsDiffer: 'Die Linien zeigen, ab wo eine andere Version der Formel gilt. Vergleichen Sie keine Werte verschiedener Versionen.',
+    gaps: n => `Grau hinterlegt: ${plural(n, 'Sitzung', 'Sitzungen')} ohne Fehlerpunktwert. Das heißt nicht 0.`,
+    noScores: 'Noch hat keine Sitzung einen Fehlerpunktwert.',
+    gapReason: (n, why) => `${plural(n, 'Sitzung', 'Sitzungen')}: ${why}`,
+    scoreVersion: 'Fehlerpunktwert: Version der Formel',
+    whyNoScore: 'Fehlerpunktwert: warum es keinen gibt',
+    notValidYet: 'Keine Version der Punkteformel gilt für den Tag dieser Sitzung.',
     byVersion: (version, day) => `Formel Version ${version}${day ? `, gültig ab ${day}` : ''}.`,
     ofTaskTitle: 'Fehler und ihre Punkte',
     noItems: 'Für diese Aufgabe sind keine Fehler festgelegt.',
@@ -3676,6 +3685,14 @@ export default {
       no_seconds: 'Ein Grenzwert des Standards ist verfehlt, aber keine Sekunden der Aufnahme zeigen deutlich, warum.',
       nothing_sure: 'Kein Kennwert verfehlt den Standard um mehr als seine Unsicherheit.',
     },
+    /** Why the error bar of a value is not known. Without a full stop, because the pages add it. */
+    noErrorBar: {
+      not_computed: 'sie wurde hier nicht berechnet',
+      no_value: 'es gibt keinen Wert',
+      errors_not_stated: 'die Bahn nennt ihre eigenen Fehler nicht',
+      unsteady: 'mit anderen Fehlern derselben Größe gäbe es keinen Wert',
+      at_least: 'mindestens so lange: Ein Instrument bewegte sich, als die Aufnahme begann oder endete',
+    },
     /** Why a feature has no value. Without a full stop, because the pages add it. */
     notEnough: {
       never_seen: () => 'das Instrument wurde nie lange genug gesehen, um seiner Bewegung zu folgen',
@@ -3690,14 +3707,6 @@ export default {
       not_two_tools: found => `vergleicht zwei Instrumente; der Pfad hat ${found}`,
       other_tool: () => 'der Pfad des anderen Instruments ließ sich nicht messen',
       unusable_samples: () => 'die Messpunkte sind keine endlichen Zahlen in zeitlicher Reihenfolge',
-    /** Why the error bar of a value is not known. Without a full stop, because the pages add it. */
-    noErrorBar: {
-      not_computed: 'sie wurde hier nicht berechnet',
-      no_value: 'es gibt keinen Wert',
-      errors_not_stated: 'die Bahn nennt ihre eigenen Fehler nicht',
-      unsteady: 'mit anderen Fehlern derselben Größe gäbe es keinen Wert',
-      at_least: 'mindestens so lange: Ein Instrument bewegte sich, als die Aufnahme begann oder endete',
-    },
       unusable_setting: () => 'eine Einstellung der Auswertung ist nicht verwendbar',
       refused: () => 'die Sitzung ist abgelehnt; siehe ihre Qualität',
       out_of_range: () => 'so bewegt sich keine Hand',

@@ -28,11 +28,11 @@ before(async () => {
 
 after(() => browser?.close());
 
-/** Imports a path of ten seconds of a tool, and waits for its score. */
-async function importSession() {
+/** Imports a path of a tool. */
+async function importSession(frames = 250) {
   const [trainee, box] = [await named('trainees', process.env.TROCAR_TRAINEE), await named('boxes', process.env.TROCAR_BOX)];
   const rows = ['frame,time_s,tool,x_mm,y_mm,z_mm'];
-  for (let frame = 0; frame < 250; frame++) {
+  for (let frame = 0; frame < frames; frame++) {
     const time = frame * 0.04;
     rows.push(`${frame},${time.toFixed(2)},${box.tools[0].name},${40 * Math.sin(time * 1.3)},${20 * Math.cos(time * 0.7)},150`);
   }
@@ -99,5 +99,29 @@ test('a sheet without marks says that no error was seen', async () => {
   await waitUntil(async () => (await sheets()).items[0]?.marks.length === 0, 'the corrected sheet');
   const { score: { score } } = await sheets();
   assert.ok(Math.abs(score.points - (180 - score.time_s - 2 * 10)) < 1e-9, JSON.stringify(score));
+});
+
+test('progress shows the score, a session without a sheet as a gap, and both in the table', async () => {
+  const unrated = await importSession(300);
+  await waitUntil(async () => (await getJson(`sessions/${unrated}`)).status === 'done', 'the score of the second session');
+  const { score: { score } } = await sheets();
+  const { trainee } = await getJson(`sessions/${id}`);
+  await page.goto(`${url}/trainees/${trainee.id}?task=${task.id}`);
+  const card = page.locator('.error-scores');
+  await card.getByText('1 session: Not rated').waitFor();
+  await card.getByText('Formula version 1.').waitFor();
+  assert.match(await card.locator('.dot title').textContent(), new RegExp(score.value.toFixed(1)));
+  assert.equal(await card.locator(`a[href$="/sessions/${unrated}"] .gap`).count(), 1);
+  await card.scrollIntoViewIfNeeded();
+  await takePictures('error-progress');
+  const saved = page.waitForEvent('download');
+  await button('Save as table (CSV)').click();
+  const chunks = [];
+  for await (const chunk of await (await saved).createReadStream()) chunks.push(chunk);
+  const [heading, rated, gap] = Buffer.concat(chunks).toString().trim().split(/\r?\n/);
+  assert.match(heading, /Error score.*Error score: version of the formula.*why there is none/);
+  assert.match(rated, /[;,]1[;,]?/);
+  assert.match(gap, /Not rated: no error sheet is finished/);
+  assert.deepEqual(await violationsOf(page), []);
   assert.deepEqual(pageFaults(), { foreign: [], errors: [] });
 });

@@ -396,3 +396,11 @@ pub async fn plant_self_test(database: &std::path::Path, of: &str, light: &str) 
     let insert = sqlx::query(INSERT).bind(id).bind(of).bind(light).bind(now_ms);
     assert_eq!(insert.execute(&mut connection).await.unwrap().rows_affected(), 1);
 }
+
+/// Lets a session have arrived at another time.
+pub async fn plant_arrival(database: &std::path::Path, session: &str, created_at_ms: i64) {
+    let mut connection = SqliteConnectOptions::new().filename(database).connect().await.unwrap();
+    let update = sqlx::query("UPDATE session SET created_at_ms = $2 WHERE id = $1").bind(session).bind(created_at_ms);
+    assert_eq!(update.execute(&mut connection).await.unwrap().rows_affected(), 1);
+    connection.close().await.unwrap();
+}

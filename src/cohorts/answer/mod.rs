@@ -11,6 +11,7 @@ pub use standing::{
     StandingName, TaskPassed,
 };
 
+use crate::domain::error_sheet::NoErrorScore;
 use crate::domain::feature::FeatureKey;
 use crate::domain::named;
 use crate::domain::session::{RecordedAtSource, SessionStatus, Supervision};
@@ -18,6 +19,7 @@ use crate::domain::standard::{Judgement, Target};
 use crate::ids::SessionId;
 use crate::statistics::interval::ConfidenceInterval;
 use crate::statistics::{NoAnswer, TrialOutcome};
+use crate::time::Day;
 
 /// A trainee's progress over the sessions of one task.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, ToSchema)]
@@ -30,6 +32,9 @@ pub struct ProgressAnswer {
     pub sessions: Vec<SessionStep>,
     /// The requested features over these sessions.
     pub features: Vec<FeatureSeries>,
+    /// The error score over these sessions: a series for each version of the task's formula that scores some of them, the
+    /// oldest version first; empty if the task has no formula. No standard uses it.
+    pub error_scores: Vec<ErrorScoreSeries>,
     /// State of the pass rule of the standard in use; `null` without a rule. Sessions that arrived before its day do not
     /// count.
     pub rule: Option<RuleState>,
@@ -190,6 +195,50 @@ pub struct SeriesPoint {
     pub is_lower_bound: bool,
     /// The value judged against the target; `null` without a target.
     pub judgement: Option<Judgement>,
+}
+
+/// The error score over the sessions that one version of the formula scores. Scores of different versions are not
+/// comparable.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct ErrorScoreSeries {
+    /// The version.
+    pub formula: i64,
+    /// The first day of the sessions that it scores, by their arrival; `null`: it scores all.
+    pub valid_from: Option<Day>,
+    /// One point for each of these sessions, also for those without a score.
+    pub points: Vec<ErrorScorePoint>,
+}
+
+/// A session's error score, as the session's page shows it to this caller.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct ErrorScorePoint {
+    /// The session's number.
+    pub session: usize,
+    /// The score; `null` if `none` says why there is none. That is never a zero.
+    pub value: Option<f64>,
+    /// Lower end of its error bar; `null` if it is unknown.
+    pub low: Option<f64>,
+    /// Upper end of its error bar; `null` if it is unknown.
+    pub high: Option<f64>,
+    /// Number of finished sheets in it.
+    pub sheets: usize,
+    /// Why there is no score; `null` if there is one.
+    pub none: Option<NoScore>,
+}
+
+/// Why a session has no error score.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+pub struct NoScore {
+    /// Its stable name.
+    pub reason: NoErrorScore,
+    /// The reason for people.
+    pub detail: &'static str,
+}
+
+impl From<NoErrorScore> for NoScore {
+    fn from(reason: NoErrorScore) -> Self {
+        Self { reason, detail: reason.detail() }
+    }
 }
 
 /// Rank of a value in a cohort.

@@ -6,6 +6,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::cohorts::ErrorScoreAnswer;
+use crate::cohorts::answer::NoScore;
 use crate::domain::access::AccessedPart;
 use crate::domain::error_sheet::{
     ErrorItem, ErrorScore, ItemValue, NewErrorMark, NewSheetValues, NoErrorScore, values_of,
@@ -83,15 +84,7 @@ pub struct ErrorScoreResponse {
     /// The score with its parts; `null` if `none` says why.
     score: Option<ErrorScore>,
     /// Why there is no score.
-    none: Option<NoScoreResponse>,
-}
-
-/// Why a session has no error score.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct NoScoreResponse {
-    reason: NoErrorScore,
-    /// The reason for people.
-    detail: &'static str,
+    none: Option<NoScore>,
 }
 
 impl From<store::ErrorMarkRecord> for ErrorMarkResponse {
@@ -126,7 +119,7 @@ impl ErrorSheetResponse {
 impl ErrorScoreResponse {
     /// The score by a formula that was tried.
     pub(in crate::http) fn tried(score: Result<ErrorScore, NoErrorScore>) -> Self {
-        let none = score.as_ref().err().map(|reason| NoScoreResponse { reason: *reason, detail: reason.detail() });
+        let none = score.as_ref().err().copied().map(NoScore::from);
         Self { formula: None, score: score.ok(), none }
     }
 

@@ -58,6 +58,8 @@ pub struct PracticeSession {
     pub status: SessionStatus,
     /// Does it count nowhere: set aside, asked about, or of another box?
     pub is_uncounted: bool,
+    /// True if staff set it aside.
+    pub is_set_aside: bool,
     /// Whether it shows its box, if that was asked.
     pub box_question: Option<BoxQuestion>,
     /// Its latest result.
@@ -103,6 +105,7 @@ struct PracticeRow {
     arrival: i64,
     is_whole: bool,
     counts: bool,
+    is_set_aside: bool,
     box_question: Option<BoxQuestion>,
     job_state: Option<JobState>,
     result_id: Option<ResultId>,
@@ -133,6 +136,7 @@ pub(in crate::store) const SELECT_PRACTICE: &str = "
            (SELECT stored.date_known FROM session AS stored WHERE stored.id = session.id) AS date_known,
            (SELECT stored.supervision FROM session AS stored WHERE stored.id = session.id) AS supervision,
            (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms,
+           EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id) AS is_set_aside,
            (SELECT left_tool FROM result WHERE result.id = session.result_id) AS left_tool,
            (SELECT right_tool FROM result WHERE result.id = session.result_id) AS right_tool,
            (SELECT count(*) FROM session WHERE trainee_id = $3 AND task_id = $4
@@ -158,6 +162,7 @@ pub(in crate::store) const SELECT_PRACTICE_OF_MANY: &str = "
            (SELECT stored.date_known FROM session AS stored WHERE stored.id = session.id) AS date_known,
            (SELECT stored.supervision FROM session AS stored WHERE stored.id = session.id) AS supervision,
            (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms,
+           EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id) AS is_set_aside,
            (SELECT left_tool FROM result WHERE result.id = session.result_id) AS left_tool,
            (SELECT right_tool FROM result WHERE result.id = session.result_id) AS right_tool, pair.in_all
     FROM pair
@@ -323,6 +328,7 @@ impl PracticeRow {
             arrival: self.arrival,
             status: if self.is_whole { self.job_state.into() } else { SessionStatus::Receiving },
             is_uncounted: !self.counts,
+            is_set_aside: self.is_set_aside,
             box_question: self.box_question,
             measured: self.result_id.and_then(|result| measured.remove(&result)).unwrap_or_default(),
             result: self.pipeline.map(|pipeline| PracticeResult { pipeline, calibration, refused, hands }),

@@ -9,7 +9,7 @@ use crate::planted::{DAY_MS, NEW_YEAR_MS, Planter, duration};
 use crate::support::{Client, problem, read};
 
 const LISTS: &str = "/api/v1/tasks/peg/error-lists";
-const FORMULAS: &str = "/api/v1/tasks/peg/score-formulas";
+pub(super) const FORMULAS: &str = "/api/v1/tasks/peg/score-formulas";
 
 /// Drops (counted), a deviation in mm, and a slipping knot (yes or no).
 fn items() -> Value {
@@ -25,13 +25,13 @@ fn formula() -> Value {
 }
 
 /// A centre whose task has items and a formula, and a session of Ada with a duration of 145.2 ± 0.4 s.
-struct Prepared {
-    centre: Centre,
-    planter: Planter,
-    at: String,
+pub(super) struct Prepared {
+    pub centre: Centre,
+    pub planter: Planter,
+    pub at: String,
 }
 
-async fn prepared() -> Prepared {
+pub(super) async fn prepared() -> Prepared {
     let centre = Centre::open().await;
     centre.instructor.make(LISTS, items()).await;
     centre.instructor.make(FORMULAS, formula()).await;
@@ -44,7 +44,7 @@ async fn prepared() -> Prepared {
 }
 
 /// A second instructor of group one, signed in.
-async fn colleague(centre: &Centre) -> Client {
+pub(super) async fn colleague(centre: &Centre) -> Client {
     let groups = centre.administrator.read("/api/v1/groups").await;
     let group = groups["items"].as_array().unwrap().iter().find(|row| row["name"] == "One").unwrap()["id"].clone();
     let account =
@@ -58,7 +58,7 @@ async fn ok(response: reqwest::Response) -> Value {
 }
 
 /// Fills in and finishes a sheet.
-async fn rate(by: &Client, at: &str, drops: usize, deviation_mm: Option<f64>) -> Value {
+pub(super) async fn rate(by: &Client, at: &str, drops: usize, deviation_mm: Option<f64>) -> Value {
     by.make(&format!("{at}/error-sheets"), json!({})).await;
     for number in 0..drops {
         by.make(&format!("{at}/error-marks"), json!({"item": "drops", "at_s": number + 1})).await;

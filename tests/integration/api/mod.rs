@@ -19,6 +19,7 @@ mod data_export;
 mod documents;
 mod edits;
 mod erasures;
+mod error_score_progress;
 mod error_sheets;
 mod exams;
 mod exchange;
