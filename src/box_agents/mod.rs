@@ -135,7 +135,9 @@ pub enum CommandError {
 pub enum AgentCommand {
     /// Start a recording of this trainee doing this task; without a trainee it waits for a name.
     Start(FeedId, Option<NamedTrainee>, Option<NamedTask>),
-    /// End the recording.
+    /// The same with the first movement in the picture.
+    StartOnMovement(FeedId, NamedTrainee, NamedTask),
+    /// End the recording, or await no movement any more.
     Stop,
 }
 
@@ -201,7 +203,11 @@ impl BoxAgents {
             let entry = entry.ok_or(CommandError::Silent)?;
             let message = match command {
                 AgentCommand::Start(recording, trainee, task) => {
-                    ToAgent::Start(StartCommand { command: number, recording, trainee, task })
+                    ToAgent::Start(StartCommand { command: number, recording, trainee, task, on_movement: false })
+                }
+                AgentCommand::StartOnMovement(recording, trainee, task) => {
+                    let (trainee, task) = (Some(trainee), Some(task));
+                    ToAgent::Start(StartCommand { command: number, recording, trainee, task, on_movement: true })
                 }
                 AgentCommand::Stop => ToAgent::Stop { command: number },
             };

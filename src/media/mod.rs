@@ -33,7 +33,7 @@ mod source;
 pub(crate) mod testing;
 mod unread_recording;
 
-pub use brightness::mean_luma;
+pub use brightness::{BLOCK_COLUMNS, BLOCK_ROWS, block_means, mean_luma};
 pub use encode::{EncodeError, SampleFormat, TICKS_PER_S, VideoSettings, VideoWriter, ticks};
 pub use feed_decoder::FeedDecoder;
 pub use file::{RecordingInfo, VideoFile, WholeRecording};

@@ -54,13 +54,17 @@ function Screen() {
   const [why, setWhy] = useState(null);
   const pressedAt = useRef(-Infinity);
   const running = state?.state.recording ?? null;
+  const awaited = running ? null : (state?.state.awaited_start ?? null);
   const isUnnamed = Boolean(running && running.trainee === null);
   const hasWho = state?.checked_in ? Boolean(state.checked_in.task) : !state?.requires_check_in;
-  const mayStart = Boolean(hasWho && state?.state.camera.is_open);
-  const press = async ({ withoutName = false } = {}) => {
+  const mayStart = Boolean((hasWho || awaited) && state?.state.camera.is_open);
+  // While a movement is awaited, key and pedal start at once; otherwise they do what the large button says.
+  const isMovementUsual = Boolean(state?.starts_on_movement && state.checked_in && !awaited);
+  const press = async ({ withoutName = false, onMovement = isMovementUsual } = {}) => {
     if (!state || performance.now() - pressedAt.current < DOUBLE_PRESS_MS) return;
     pressedAt.current = performance.now();
-    const refused = await ask(running ? '/stop' : '/start', running ? {} : { without_name: withoutName });
+    const body = running ? {} : { without_name: withoutName, on_movement: onMovement && !withoutName };
+    const refused = await ask(running ? '/stop' : '/start', body);
     const needsButton = !running && !state.checked_in && !state.requires_check_in && !withoutName && state.needs_unnamed_button;
     setWhy(refused && needsButton ? words.needsButton : refused);
   };
@@ -93,13 +97,19 @@ function Screen() {
           <${Elapsed} from=${running.recorded_s} readAt=${state.readAt} />
           <p>${words.frames(number(running.frames))}</p>
         </section>`}
+      ${awaited && html`<${Awaited} state=${state} />`}
       ${!running && state.checked_in && html`<${CheckedIn} state=${state} />`}
       ${!running && !state.checked_in && html`<${CheckInWays} state=${state} />`}
       ${why && html`<p class="notice warn" role="alert"><strong>${why}</strong></p>`}
-      ${(running || state.checked_in) && html`<button class=${`press ${running ? 'stop' : ''}`} type="button"
-        disabled=${!running && !mayStart} onClick=${() => press()}>${running ? words.stop : words.start}</button>
-        <p class="muted">${words.keyHint(keyName(key))}</p>`}
-      ${!running && !state.checked_in && !state.requires_check_in && html`
+      ${state.start_failed && !running && html`<p class="notice warn" role="alert"><strong>${words.startFailed}</strong>
+        <span class="small">${state.start_failed}</span></p>`}
+      ${(running || awaited || state.checked_in) && html`<button class=${`press ${running ? 'stop' : ''}`} type="button"
+        disabled=${!running && !mayStart} onClick=${() => press()}>${pressText(running, awaited, isMovementUsual)}</button>
+        <div class="row apart"><span class="muted">${words.keyHint(keyName(key))}</span>
+          ${!running && !awaited && html`<button class="button" type="button" disabled=${!mayStart}
+            onClick=${() => press({ onMovement: !isMovementUsual })}>${isMovementUsual ? words.startNow : words.startOnMovement}</button>`}
+        </div>`}
+      ${!running && !awaited && !state.checked_in && !state.requires_check_in && html`
         <section class="stack tight">
           <p class="row"><button class="button" type="button" disabled=${!mayStart}
             onClick=${() => press({ withoutName: true })}>${words.unnamedStart}</button>
@@ -108,6 +118,22 @@ function Screen() {
         </section>`}
     </main>`;
 }
+
+/** What the large button does. */
+function pressText(running, awaited, isMovementUsual) {
+  if (running) return words.stop;
+  if (awaited) return words.startNow;
+  return isMovementUsual ? words.startOnMovement : words.start;
+}
+
+/** The recording that begins with the first movement. Staff may have asked for it on another page: its trainee is named
+ * then. @param {Props} props */
+const Awaited = ({ state }) => html`
+  ${!state.checked_in && html`<p class="who">${state.awaited}</p>`}
+  <div class=${`notice ${state.state.awaited_start.is_picture_still ? 'good' : 'busy'}`} role="status">
+    <div class="row apart"><strong>${state.state.awaited_start.is_picture_still ? words.awaitsMovement : words.awaitsRest}</strong>
+      <button class="button" type="button" onClick=${() => ask('/stop')}>${words.endWait}</button></div>
+  </div>`;
 
 const keyName = key => words.keys[key] ?? key.replace(/^Key|^Digit/, '');
 

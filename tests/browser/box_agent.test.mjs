@@ -110,7 +110,10 @@ test('a trainee checks in with a PIN, and a key starts and stops', async () => {
   await button(screen, made.task.name).click();
   await screen.page.locator('.press:enabled').waitFor();
   await screen.takePictures('ready');
-  await screen.page.keyboard.press('Space');
+  await waitUntil(async () => {
+    await screen.page.keyboard.press('Space'); // ignored for a second after the last press, refused while the clip begins again
+    return (await screenState()).state.recording;
+  }, 'the recording');
   await screen.page.locator('.elapsed').waitFor();
   await screen.takePictures('records');
   await waitUntil(async () => (await screenState()).state.recording?.session, 'the session of the recording');
@@ -121,6 +124,29 @@ test('a trainee checks in with a PIN, and a key starts and stops', async () => {
   }, 'the end of the recording');
   await screen.page.getByText(`Last recording, ${made.task.name}`).waitFor();
   await screen.takePictures('last');
+});
+
+test('a recording waits for the first movement until the trainee, or another page, ends the wait', async () => {
+  await button(screen, 'Start with the first movement').click();
+  await screen.page.getByText('Hold still').waitFor();
+  await button(screen, 'Start now').waitFor();
+  assert.deepEqual(await violationsOf(screen.page), []);
+  await screen.takePictures('awaits');
+  await admin.open('/boxes');
+  await admin.page.locator('tr', { hasText: made.box.name }).getByText('Waits for a movement').waitFor();
+  await admin.open(`/boxes/${made.box.code}`);
+  await admin.page.getByText(`Waits for the first movement of ${NAME}`).waitFor();
+  await admin.takePictures('awaits');
+  await button(admin, 'Do not wait any more').click();
+  await button(screen, 'Start with the first movement').waitFor();
+  await admin.page.getByText('Waits for the first movement').waitFor({ state: 'detached' });
+  await admin.page.getByLabel('Trainee', { exact: true }).selectOption(made.nia.id);
+  await admin.page.getByLabel('Task', { exact: true }).selectOption(made.task.id);
+  await admin.page.getByLabel('Begin with the first movement').check();
+  assert.deepEqual(await violationsOf(admin.page), []);
+  await button(admin, 'Start recording at the box').click();
+  await button(screen, 'Do not wait any more').click();
+  await admin.page.getByText('Waits for the first movement').waitFor({ state: 'detached' });
   await button(screen, 'Check out').click();
   await screen.page.getByText('Who trains?').waitFor();
 });

@@ -20,11 +20,16 @@ pub struct BoxComputer {
 impl BoxComputer {
     /// A computer with this token, and a clip of this length as its camera.
     pub fn new(token: &str, seconds: u32) -> Self {
+        Self::with_picture(token, seconds, "testsrc2=size=320x240:rate=25")
+    }
+
+    /// The same with a clip of what this filter of FFmpeg draws.
+    pub fn with_picture(token: &str, seconds: u32, filter: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("token"), token).unwrap();
         let computer = Self { folder };
         let mut ffmpeg = Command::new("ffmpeg");
-        ffmpeg.args(["-v", "error", "-f", "lavfi", "-i", "testsrc2=size=320x240:rate=25", "-t", &seconds.to_string()]);
+        ffmpeg.args(["-v", "error", "-f", "lavfi", "-i", filter, "-t", &seconds.to_string()]);
         assert!(ffmpeg.args(["-c:v", "mjpeg"]).arg(computer.camera()).status().unwrap().success());
         computer
     }

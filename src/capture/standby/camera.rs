@@ -1,5 +1,6 @@
 //! The camera of a box, kept open: its frames are read and dropped until a recording takes them. The frames since the last
-//! key frame are kept, because a recording of H.264 must begin with one.
+//! key frame are kept, because a recording of H.264 must begin with one. While a recording waits for a movement, those of
+//! the last seconds are kept, so that it shows the picture at rest before it.
 //!
 //! A camera that ends, fails or falls silent is opened again, for as long as the agent runs. A recording continues after a
 //! gap if the camera is back in time with the same pictures; otherwise it ends there.
@@ -15,6 +16,7 @@ use tokio::time::{Instant, sleep, sleep_until, timeout};
 use super::Standby;
 use crate::capture::source::{FrameSource, OpenSource, SourceEvent, read_on_thread};
 use crate::domain::box_agent::state::{BoxCameraState, LightState};
+use crate::domain::feed::FrameCodec;
 use crate::media::{CapturedFrame, SourceError, SourceInfo};
 
 /// Pause before a camera is opened again: one that was plugged in again is back within seconds.
@@ -23,9 +25,11 @@ const REOPEN_PAUSE: Duration = Duration::from_secs(1);
 const OPEN_TIMEOUT: Duration = Duration::from_secs(20);
 /// Most frames and bytes that are kept from before a recording. A camera with rarer key frames begins at its next one.
 const MAX_KEPT_FRAMES: usize = 300;
-const MAX_KEPT_BYTES: usize = 16 << 20;
+const MAX_KEPT_BYTES: usize = 32 << 20;
 /// Frames that may wait for the recorder, besides those that were kept.
 const MAX_WAITING: usize = MAX_KEPT_FRAMES + 64;
+/// Frames that may wait for the one who watches them.
+const MAX_WATCHED: usize = 32;
 /// Time over which frames are counted.
 const RATE_WINDOW: Duration = Duration::from_secs(3);
 
@@ -53,31 +57,61 @@ struct KeptCamera {
     arrivals: VecDeque<Instant>,
     kept: KeptFrames,
     recording: Option<mpsc::Sender<SourceEvent>>,
+    /// Gets all frames while a recording waits for a movement.
+    watcher: Option<mpsc::Sender<CapturedFrame>>,
     /// The last key frame, for its brightness.
     key_frame: Option<Vec<u8>>,
     light: Option<LightState>,
 }
 
-/// The frames since the last key frame.
+/// The frames since the last key frame, or of the last seconds.
 #[derive(Default)]
 struct KeptFrames {
-    frames: Vec<CapturedFrame>,
+    /// Each with its arrival. The first one is a key frame.
+    frames: VecDeque<(Instant, CapturedFrame)>,
     bytes: usize,
-    first_arrived: Option<Instant>,
+    /// How long frames are kept at least, if there is room.
+    time: Duration,
 }
 
 impl KeptFrames {
-    fn add(&mut self, frame: &CapturedFrame) {
-        if frame.is_key {
-            *self = Self { first_arrived: Some(Instant::now()), ..Self::default() };
-        }
-        if self.first_arrived.is_none() {
+    /// None yet.
+    fn none(time: Duration) -> Self {
+        Self { time, ..Self::default() }
+    }
+
+    fn add(&mut self, frame: &CapturedFrame, arrived: Instant) {
+        if self.frames.is_empty() && !frame.is_key {
             return;
         }
         self.bytes += frame.bytes.len();
-        self.frames.push(frame.clone());
-        if self.frames.len() > MAX_KEPT_FRAMES || self.bytes > MAX_KEPT_BYTES {
-            *self = Self::default();
+        self.frames.push_back((arrived, frame.clone()));
+        self.drop_old(arrived);
+    }
+
+    /// Keeps frames for this time from now on.
+    fn keep(&mut self, time: Duration) {
+        self.time = time;
+        self.drop_old(Instant::now());
+    }
+
+    fn drop_old(&mut self, now: Instant) {
+        let is_too_much = |kept: &Self| kept.frames.len() > MAX_KEPT_FRAMES || kept.bytes > MAX_KEPT_BYTES;
+        while is_too_much(self) || self.is_long_enough_without_first(now) {
+            self.drop_to_next_key();
+        }
+    }
+
+    /// True if the frames from the second key frame on are enough.
+    fn is_long_enough_without_first(&self, now: Instant) -> bool {
+        let second = self.frames.iter().skip(1).find(|(_, frame)| frame.is_key);
+        second.is_some_and(|(arrived, _)| now - *arrived >= self.time)
+    }
+
+    fn drop_to_next_key(&mut self) {
+        let mut is_first = true;
+        while self.frames.front().is_some_and(|(_, frame)| std::mem::take(&mut is_first) || !frame.is_key) {
+            self.bytes -= self.frames.pop_front().map_or(0, |(_, frame)| frame.bytes.len());
         }
     }
 }
@@ -127,7 +161,7 @@ impl CameraKeeper {
         self.view().opened.map_or(Duration::ZERO, |opened| opened.elapsed())
     }
 
-    /// Begins to pass on the frames, from the last key frame on. `None` if the camera is missing.
+    /// Begins to pass on the frames, from the first one on that is kept. `None` if the camera is missing.
     pub(super) fn begin(&self) -> Option<RecordedCamera> {
         let mut view = self.view();
         if !view.is_open {
@@ -135,11 +169,11 @@ impl CameraKeeper {
         }
         let info = view.info.clone()?;
         let (sender, frames) = mpsc::channel(MAX_WAITING);
-        for frame in &view.kept.frames {
+        for (_, frame) in &view.kept.frames {
             let _ = sender.try_send(SourceEvent::Frame(frame.clone())); // there is room for all of them
         }
-        let needs_key = view.kept.frames.is_empty();
-        let first_arrived = view.kept.first_arrived.filter(|_| !needs_key);
+        let first_arrived = view.kept.frames.front().map(|(arrived, _)| *arrived);
+        let needs_key = first_arrived.is_none();
         view.recording = Some(sender);
         Some(RecordedCamera { info, frames, first: None, needs_key, first_arrived })
     }
@@ -147,6 +181,24 @@ impl CameraKeeper {
     /// Passes on no more frames.
     pub(super) fn end(&self) {
         self.view().recording = None;
+    }
+
+    /// Keeps the frames of this time, and passes on all frames until [`CameraKeeper::unwatch`], or until the camera is
+    /// interrupted. One who watches too slowly misses frames of JPEG, and begins again with H.264. `None` if the camera is missing.
+    pub(super) fn watch(&self, kept: Duration) -> Option<(SourceInfo, mpsc::Receiver<CapturedFrame>)> {
+        let mut view = self.view();
+        let info = view.info.clone().filter(|_| view.is_open)?;
+        let (sender, frames) = mpsc::channel(MAX_WATCHED);
+        view.watcher = Some(sender);
+        view.kept.keep(kept);
+        Some((info, frames))
+    }
+
+    /// Ends [`CameraKeeper::watch`].
+    pub(super) fn unwatch(&self) {
+        let mut view = self.view();
+        view.watcher = None;
+        view.kept.keep(Duration::ZERO);
     }
 
     /// Keeps the camera open until it is dropped.
@@ -188,6 +240,7 @@ impl CameraKeeper {
                 missing: view.missing.take(),
                 recording: view.recording.take(),
                 light: view.light,
+                kept: KeptFrames::none(view.kept.time),
                 ..KeptCamera::default()
             };
             if is_other { view.recording.take() } else { None }
@@ -228,7 +281,11 @@ impl CameraKeeper {
             if frame.is_key {
                 view.key_frame = Some(frame.bytes.clone());
             }
-            view.kept.add(&frame);
+            view.kept.add(&frame, now);
+            let has_missed = view.watcher.as_ref().is_some_and(|watcher| watcher.try_send(frame.clone()).is_err());
+            if has_missed && view.info.as_ref().is_some_and(|info| info.codec == FrameCodec::H264) {
+                view.watcher = None; // its pictures are damaged until the next key frame
+            }
             view.recording.clone()
         };
         let Some(recording) = recording else { return };
@@ -248,7 +305,7 @@ impl CameraKeeper {
         }
         let since = view.missing.take().map_or_else(Instant::now, |(since, _)| since);
         view.missing = Some((since, why));
-        (view.opened, view.kept) = (None, KeptFrames::default());
+        (view.opened, view.watcher, view.kept) = (None, None, KeptFrames::none(view.kept.time));
         was_open
     }
 
@@ -327,18 +384,39 @@ mod tests {
         CapturedFrame { time, due_s: time as f64 / 1000.0, is_key, bytes: vec![1; 10] }
     }
 
+    /// The times of the frames that are kept.
+    fn times(kept: &KeptFrames) -> Vec<i64> {
+        kept.frames.iter().map(|(_, frame)| frame.time).collect()
+    }
+
     #[test]
     fn the_frames_since_the_last_key_frame_are_kept_and_no_more_than_fit() {
+        let now = Instant::now();
         let mut kept = KeptFrames::default();
-        kept.add(&frame(0, false));
+        kept.add(&frame(0, false), now);
         assert!(kept.frames.is_empty(), "no key frame yet");
         for time in 1..=5 {
-            kept.add(&frame(time, time == 1 || time == 4));
+            kept.add(&frame(time, time == 1 || time == 4), now);
         }
-        assert_eq!(kept.frames.iter().map(|frame| frame.time).collect::<Vec<_>>(), [4, 5]);
-        kept.add(&frame(6, true));
-        (0..MAX_KEPT_FRAMES as i64).for_each(|time| kept.add(&frame(7 + time, false)));
-        assert!(kept.frames.is_empty() && kept.first_arrived.is_none(), "too rare key frames");
+        assert_eq!(times(&kept), [4, 5]);
+        kept.add(&frame(6, true), now);
+        (0..MAX_KEPT_FRAMES as i64).for_each(|time| kept.add(&frame(7 + time, false), now));
+        assert!(kept.frames.is_empty() && kept.bytes == 0, "too rare key frames");
+    }
+
+    #[test]
+    fn the_frames_of_the_last_seconds_are_kept_from_a_key_frame_on() {
+        let began = Instant::now();
+        let after = |time: i64| began + Duration::from_millis(time as u64);
+        for (keys_every, first) in [(1, 3000), (10, 3000), (25, 2500), (40, 0), (1000, 0)] {
+            let mut kept = KeptFrames::none(Duration::from_secs(2));
+            (0..=50).for_each(|i| kept.add(&frame(100 * i, i % keys_every == 0), after(100 * i)));
+            assert_eq!(times(&kept).first(), Some(&first), "{keys_every}");
+            assert_eq!(times(&kept).last(), Some(&5000));
+        }
+        let mut kept = KeptFrames::none(Duration::from_secs(2));
+        (0..9 * MAX_KEPT_FRAMES as i64).for_each(|time| kept.add(&frame(time, true), after(time)));
+        assert_eq!(kept.frames.len(), MAX_KEPT_FRAMES, "the oldest ones are dropped");
     }
 
     #[tokio::test]

@@ -11,7 +11,7 @@ use tokio_tungstenite::tungstenite::Message;
 use super::Standby;
 use super::clock::ServerClock;
 use crate::capture::connection::{DisconnectOutcome, Socket, outcome_of_close_code};
-use crate::domain::box_agent::messages::{AgentMessage, CheckInRefusal, CheckedIn, StartCommand, ToAgent};
+use crate::domain::box_agent::messages::{AgentMessage, CheckInEnd, CheckInRefusal, CheckedIn, StartCommand, ToAgent};
 use crate::domain::box_agent::state::ClockState;
 use crate::domain::box_agent::{PROTOCOL, STATE_INTERVAL};
 
@@ -136,8 +136,15 @@ impl Standby {
                 return Ok(()); // the next state has it
             }
             ToAgent::LightReference { light_reference } => self.facts().light_reference = Some(light_reference),
-            ToAgent::Start(StartCommand { command, recording, trainee, task }) => {
-                let refused = self.start(recording, trainee, task).err();
+            ToAgent::Start(StartCommand { command, recording, trainee, task, on_movement }) => {
+                let started = match (on_movement, trainee, task) {
+                    (true, Some(trainee), Some(task)) => self.await_movement(trainee, task),
+                    (_, trainee, task) => {
+                        self.end_awaited_start();
+                        self.start(recording, trainee, task)
+                    }
+                };
+                let refused = started.err();
                 return self.answer(command, refused, sink).await;
             }
             ToAgent::Stop { command } => {
@@ -145,35 +152,9 @@ impl Standby {
                 return self.answer(command, refused, sink).await;
             }
             ToAgent::CheckedIn { by, ended } => {
-                let mut facts = self.facts();
-                let trainee = |checked_in: &CheckedIn| checked_in.trainee.id;
-                if by.is_some() && by.as_deref().map(trainee) == facts.left {
-                    return Ok(()); // not yet confirmed
+                if !self.note_checked_in(by.map(|by| *by), ended) {
+                    return Ok(());
                 }
-                facts.left = None;
-                let chosen =
-                    facts.chosen.filter(|_| by.as_deref().map(trainee) == facts.checked_in.as_ref().map(trainee));
-                let unconfirmed = chosen.filter(|chosen| {
-                    by.as_deref().and_then(|by| by.task.as_ref()).is_none_or(|task| task.id != *chosen)
-                });
-                facts.chosen = unconfirmed;
-                let by = by.map(|mut by| {
-                    let kept = by.tasks.iter().find(|task| Some(task.id) == unconfirmed).cloned();
-                    by.task = kept.or(by.task.take());
-                    by
-                });
-                if by.as_deref().map(trainee) != facts.checked_in.as_ref().map(trainee) {
-                    facts.active = Some(Instant::now());
-                }
-                // Repeated to an agent that knows it already, it would undo what was chosen at the box since.
-                let is_news = facts.checked_in.is_some() || !facts.knows_check_in;
-                if by.is_some() {
-                    (facts.check_in_end, facts.last_unnamed, facts.needs_unnamed_button) = (None, None, false);
-                } else if let Some(why) = ended.filter(|_| is_news) {
-                    (facts.check_in_end, facts.needs_unnamed_button) = (Some((why, Instant::now())), true);
-                }
-                facts.knows_check_in = true;
-                (facts.checked_in, facts.refusal) = (by.map(|by| *by), None);
             }
             ToAgent::CheckInRefused { why, wait_s } => {
                 let mut facts = self.facts();
@@ -184,6 +165,48 @@ impl Standby {
         }
         self.note_change();
         Ok(())
+    }
+
+    /// The server says who is checked in. False if it does not know yet that the trainee has left.
+    fn note_checked_in(&self, by: Option<CheckedIn>, ended: Option<CheckInEnd>) -> bool {
+        let mut facts = self.facts();
+        let trainee = |checked_in: &CheckedIn| checked_in.trainee.id;
+        if by.is_some() && by.as_ref().map(trainee) == facts.left {
+            return false; // not yet confirmed
+        }
+        facts.left = None;
+        let chosen = facts.chosen.filter(|_| by.as_ref().map(trainee) == facts.checked_in.as_ref().map(trainee));
+        let unconfirmed =
+            chosen.filter(|chosen| by.as_ref().and_then(|by| by.task.as_ref()).is_none_or(|task| task.id != *chosen));
+        facts.chosen = unconfirmed;
+        let by = by.map(|mut by| {
+            let kept = by.tasks.iter().find(|task| Some(task.id) == unconfirmed).cloned();
+            by.task = kept.or(by.task.take());
+            by
+        });
+        let is_other = by.as_ref().map(trainee) != facts.checked_in.as_ref().map(trainee);
+        let has_task = |checked_in: Option<&CheckedIn>| checked_in.is_some_and(|by| by.task.is_some());
+        let is_ready = has_task(by.as_ref()) && (is_other || !has_task(facts.checked_in.as_ref()));
+        if is_other {
+            facts.active = Some(Instant::now());
+        }
+        // Repeated to an agent that knows it already, it would undo what was chosen at the box since.
+        let is_news = facts.checked_in.is_some() || !facts.knows_check_in;
+        if by.is_some() {
+            (facts.check_in_end, facts.last_unnamed, facts.needs_unnamed_button) = (None, None, false);
+        } else if let Some(why) = ended.filter(|_| is_news) {
+            (facts.check_in_end, facts.needs_unnamed_button) = (Some((why, Instant::now())), true);
+        }
+        facts.knows_check_in = true;
+        (facts.checked_in, facts.refusal) = (by, None);
+        drop(facts);
+        if is_other {
+            self.end_awaited_start_of_another();
+        }
+        if is_ready {
+            self.await_movement_if_automatic();
+        }
+        true
     }
 
     /// Sends the state before the answer, so that a page that waits for the answer sees the new state.

@@ -10,19 +10,23 @@
 //!
 //! | file | holds |
 //! |---|---|
+//! | `awaited_start` | recordings that begin by themselves with the first movement in the picture |
 //! | [`camera`] | the camera, kept open over its interruptions |
 //! | `clock` | the server's time |
 //! | [`light`] | the brightness of the picture, compared with the time after the calibration |
 //! | [`link`] | the connection to the server |
+//! | `movement` | finding the first movement |
 //! | [`recording`] | start and end of a recording, and sending what the spool holds |
 //! | [`unnamed`] | recordings without a name, sent as files |
 //!
 //! Nothing but the spool is on the disk: after a restart the agent sends what was left and stands by again.
 
+mod awaited_start;
 pub mod camera;
 mod clock;
 pub mod light;
 pub mod link;
+mod movement;
 pub mod recording;
 pub mod unnamed;
 
@@ -36,6 +40,7 @@ use std::time::Duration;
 use tokio::sync::{Notify, mpsc, watch};
 use tokio::time::Instant;
 
+use awaited_start::AwaitedStart;
 use camera::CameraKeeper;
 use clock::{ComputerTime, ServerClock};
 use recording::RunningRecording;
@@ -82,6 +87,8 @@ pub struct StandbyParts {
     pub send_file: SendFile,
     /// True if no recording is made without a name.
     pub requires_check_in: bool,
+    /// True if the recording of a trainee who checks in begins with the first movement.
+    pub starts_on_movement: bool,
     /// Ends all.
     pub shutdown: Shutdown,
 }
@@ -133,6 +140,12 @@ struct Facts {
     needs_unnamed_button: bool,
     /// The last recording, if it has no name.
     last_unnamed: Option<(FeedId, UnnamedState)>,
+    /// The recording that begins with the first movement.
+    awaited: Option<AwaitedStart>,
+    /// Number of the last one that was awaited.
+    last_awaited: u64,
+    /// Why the last one that was awaited did not begin.
+    start_failed: Option<String>,
 }
 
 /// What the box's screen shows.
@@ -156,6 +169,12 @@ pub struct ScreenState {
     pub check_in_end: Option<CheckInEnd>,
     /// True if no recording is made without a name.
     pub requires_check_in: bool,
+    /// True if key and pedal let a recording begin with the first movement.
+    pub starts_on_movement: bool,
+    /// Name of the trainee whose recording begins with the first movement.
+    pub awaited: Option<String>,
+    /// Why a recording that was to begin with the first movement did not.
+    pub start_failed: Option<String>,
     /// True if key and pedal start no recording without a name, but only the button that says so.
     pub needs_unnamed_button: bool,
     /// What became of the last recording, if it has no name.
@@ -195,6 +214,7 @@ impl Standby {
             () = self.clone().stay_connected() => {}
             () = self.parts().shutdown.begun() => {}
         }
+        self.end_awaited_start();
         self.end_recording().await;
         for task in [camera, light, sending] {
             task.abort();
@@ -223,6 +243,8 @@ impl Standby {
             spool: self.spool_state(),
             clock: self.clock_state(),
             recording: running,
+            awaited_start: self.awaited_start_state(),
+            can_start_on_movement: true,
         }
     }
 
@@ -262,6 +284,9 @@ impl Standby {
                 .filter(|ended| ended.1.elapsed() < CHECK_IN_END_SHOWN)
                 .map(|ended| ended.0),
             requires_check_in: self.parts().requires_check_in,
+            starts_on_movement: self.parts().starts_on_movement,
+            awaited: facts.awaited.as_ref().map(|awaited| awaited.trainee.name.clone()),
+            start_failed: facts.start_failed.clone(),
             needs_unnamed_button: facts.needs_unnamed_button,
             last_unnamed: facts.last_unnamed.map(|(_, state)| state),
             recorded,
@@ -295,6 +320,7 @@ impl Standby {
             facts.chosen = None;
         }
         let _ = self.0.outbox.try_send(AgentMessage::CheckOut); // without a connection it is sent with the next one
+        self.end_awaited_start_of_another();
         self.note_change();
     }
 
@@ -311,6 +337,7 @@ impl Standby {
         };
         let Some(task) = chosen else { return false };
         let _ = self.0.outbox.try_send(AgentMessage::Task { task: task.id }); // without a connection it is sent with the next one
+        self.await_other_task(task);
         self.note_change();
         true
     }
@@ -343,6 +370,7 @@ impl Standby {
         let is_idle = |checked_in: &CheckedIn| idle.is_some_and(|idle| idle > Duration::from_secs(checked_in.idle_s));
         if facts.checked_in.take_if(|checked_in| is_idle(checked_in)).is_some() {
             drop(facts);
+            self.end_awaited_start_of_another();
             self.note_change();
         }
     }

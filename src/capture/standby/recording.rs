@@ -84,6 +84,9 @@ impl Unsent {
 pub enum StartPress {
     /// The key, the pedal, or the button that starts a recording of the trainee who is checked in.
     Start,
+    /// The button that lets the recording of the trainee who is checked in begin with the first movement; on a box that
+    /// starts by itself also key and pedal.
+    OnMovement,
     /// The button that starts a recording without a name.
     WithoutName,
 }
@@ -94,6 +97,11 @@ impl Standby {
     /// # Errors
     /// Why not, for people.
     pub fn start_at_box(&self, press: StartPress) -> Result<(), String> {
+        if press == StartPress::Start
+            && let Some(started) = self.start_awaited_now()
+        {
+            return started;
+        }
         let id = FeedId::at(self.corrected_now_ms());
         let (checked_in, needs_button) = {
             let facts = self.facts();
@@ -104,12 +112,19 @@ impl Standby {
             (Some(CheckedIn { trainee, task: Some(task), .. }), StartPress::Start) => {
                 self.start(id, Some(trainee), Some(task))
             }
-            (Some(_), StartPress::Start) => Err("choose a task first".to_owned()),
+            (Some(CheckedIn { trainee, task: Some(task), .. }), StartPress::OnMovement) => {
+                self.await_movement(trainee, task)
+            }
+            (Some(_), StartPress::Start | StartPress::OnMovement) => Err("choose a task first".to_owned()),
+            (None, StartPress::OnMovement) => {
+                Err("check in first: a recording without a name does not begin by itself".to_owned())
+            }
             (None, StartPress::Start) if needs_button => {
                 Err("check in first, or press the button Record without a name: the last check-in was ended or refused"
                     .to_owned())
             }
-            (None, _) => {
+            (None, StartPress::Start | StartPress::WithoutName) => {
+                self.end_awaited_start();
                 self.start(id, None, None)?;
                 self.facts().needs_unnamed_button = false;
                 Ok(())
@@ -154,7 +169,11 @@ impl Standby {
         tracing::info!(recording = %id, trainee = name, task = of_task, "recording");
         let seconds = trainee.is_none().then_some(unnamed::MAX_SECONDS);
         let recorder = tokio::spawn(self.clone().record(camera, seconds, ending.clone()));
-        self.facts().last_unnamed = None;
+        {
+            let mut facts = self.facts();
+            (facts.last_unnamed, facts.awaited, facts.start_failed) = (None, None, None);
+        }
+        self.parts().camera.unwatch();
         *running = Some(RunningRecording { id, trainee, task, began, ending, recorder: Some(recorder), controls });
         drop(running);
         self.0.spool_changed.notify_one();
@@ -213,11 +232,15 @@ impl Standby {
         }
     }
 
-    /// Ends the recording that runs. On a slow disk its last frames may still be written afterwards.
+    /// Ends the recording that runs, or no longer awaits the movement that was to start one. On a slow disk the last frames
+    /// may still be written afterwards.
     ///
     /// # Errors
     /// There is none, or it is ending already.
     pub async fn stop(&self) -> Result<(), String> {
+        if self.end_awaited_start() {
+            return Ok(());
+        }
         {
             let running = self.running();
             let running = running.as_ref().ok_or("no recording is running")?;

@@ -65,6 +65,7 @@ fn bench_with(folder: tempfile::TempDir, spool: &std::path::Path, boot: &str, an
         hold_controls: Some(noted_controls(&controls)),
         send_file,
         requires_check_in: false,
+        starts_on_movement: false,
         shutdown: shutdown.clone(),
     });
     tokio::spawn({

@@ -54,6 +54,10 @@ pub(super) struct InstallArgs {
     /// Make no recordings without a name: the button and the key do nothing until a trainee has checked in
     #[arg(long)]
     require_check_in: bool,
+    /// Let the recording of a trainee who checks in begin by itself, with the first movement in the picture; the key starts
+    /// the next one the same way
+    #[arg(long)]
+    start_on_movement: bool,
     /// Print the unit, and change nothing
     #[arg(long)]
     print: bool,
@@ -255,6 +259,9 @@ fn unit(args: &InstallArgs, program: &Path) -> Result<String, String> {
     if args.require_check_in {
         add(&["--require-check-in"])?;
     }
+    if args.start_on_movement {
+        add(&["--start-on-movement"])?;
+    }
     for (key, value) in &args.options {
         add(&["--option", &format!("{key}={value}")])?;
     }
@@ -334,6 +341,7 @@ mod tests {
             key: Some("F9".to_owned()),
             options: vec![("video_size".to_owned(), "1280x720".to_owned())],
             require_check_in: true,
+            start_on_movement: true,
             print: true,
             without_checks: false,
             source: source.to_owned(),
@@ -345,7 +353,7 @@ mod tests {
         let unit = unit(&args("/dev/video0"), Path::new("/usr/bin/trocar")).unwrap();
         let command = "ExecStart=/usr/bin/trocar agent stand-by --token-file %d/token --spool /var/lib/trocar-agent \
                        --server https://trocar.example --box box-1 --screen 8090 --key F9 \
-                       --require-check-in --option video_size=1280x720 /dev/video0\n";
+                       --require-check-in --start-on-movement --option video_size=1280x720 /dev/video0\n";
         assert!(unit.contains(command), "{unit}");
         assert!(unit.contains("LoadCredential=token:/etc/trocar/agent.token\n") && unit.contains("Restart=always\n"));
     }

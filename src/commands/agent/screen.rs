@@ -142,13 +142,18 @@ struct PressedStart {
     /// True for the button that starts a recording without a name.
     #[serde(default)]
     without_name: bool,
+    /// True to begin with the first movement in the picture.
+    #[serde(default)]
+    on_movement: bool,
 }
 
 async fn start(State(app): State<ScreenApp>, body: Bytes) -> Response {
-    let Ok(PressedStart { without_name }) = serde_json::from_slice(&body) else {
-        return StatusCode::BAD_REQUEST.into_response();
+    let press = match serde_json::from_slice(&body) {
+        Ok(PressedStart { without_name: false, on_movement: false }) => StartPress::Start,
+        Ok(PressedStart { without_name: false, on_movement: true }) => StartPress::OnMovement,
+        Ok(PressedStart { without_name: true, on_movement: false }) => StartPress::WithoutName,
+        Ok(_) | Err(_) => return StatusCode::BAD_REQUEST.into_response(),
     };
-    let press = if without_name { StartPress::WithoutName } else { StartPress::Start };
     answer(app.standby.start_at_box(press))
 }
 

@@ -67,6 +67,10 @@ pub(super) struct StandbyArgs {
     /// Make no recordings without a name: the button and the key do nothing until a trainee has checked in
     #[arg(long)]
     require_check_in: bool,
+    /// Let the recording of a trainee who checks in begin by itself, with the first movement in the picture; the key starts
+    /// the next one the same way
+    #[arg(long)]
+    start_on_movement: bool,
     /// Leave the camera's automatic exposure, gain and white balance switched on during recordings
     #[arg(long)]
     automatic: bool,
@@ -110,6 +114,7 @@ pub(super) fn run(args: StandbyArgs) -> Result<(), CommandFailure> {
             hold_controls: is_camera(&args.source).then(|| hold_controls(&args)),
             send_file: send_file(&args),
             requires_check_in: args.require_check_in,
+            starts_on_movement: args.start_on_movement,
             shutdown: shutdown.clone(),
         });
         if let Some(port) = args.screen {

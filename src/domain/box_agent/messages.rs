@@ -115,6 +115,10 @@ pub struct StartCommand {
     /// The task; `None` only without a trainee.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub task: Option<NamedTask>,
+    /// True: begin with the first movement in the picture, not at once. Only with a trainee, and only to an agent that can
+    /// ([`AgentState::can_start_on_movement`]).
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub on_movement: bool,
 }
 
 /// A trainee.

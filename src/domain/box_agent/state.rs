@@ -24,6 +24,23 @@ pub struct AgentState {
     pub clock: Option<ClockState>,
     /// The recording that is being made.
     pub recording: Option<RecordingState>,
+    /// The recording that begins with the first movement in the picture.
+    #[serde(default)]
+    pub awaited_start: Option<AwaitedStartState>,
+    /// True if the agent can let a recording begin with the first movement.
+    #[serde(default)]
+    pub can_start_on_movement: bool,
+}
+
+/// A recording that begins with the first movement in the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AwaitedStartState {
+    /// The trainee.
+    pub trainee: TraineeId,
+    /// The task.
+    pub task: TaskId,
+    /// True once the picture is still: a movement is seen only then.
+    pub is_picture_still: bool,
 }
 
 /// The camera of a box.

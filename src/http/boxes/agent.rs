@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 use crate::box_agents::{AgentCommand, BoxAgentView, CommandError};
 use crate::domain::box_agent::messages::{NamedTask, NamedTrainee};
 use crate::domain::box_agent::self_test_need::{SelfTestReason, reasons};
-use crate::domain::box_agent::state::{BoxCameraState, ClockState, LightState, SpoolState};
+use crate::domain::box_agent::state::{AwaitedStartState, BoxCameraState, ClockState, LightState, SpoolState};
 use crate::domain::named;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
@@ -50,6 +50,10 @@ pub struct BoxAgentResponse {
     clock: Option<ClockResponse>,
     /// The recording that is running; `null`: none.
     recording: Option<BoxRecordingResponse>,
+    /// The recording that begins with the first movement in the picture; `null`: none.
+    awaited_start: Option<AwaitedStartResponse>,
+    /// True if a recording can begin with the first movement (`on_movement`); `null` while the agent is not `live`.
+    can_start_on_movement: Option<bool>,
     /// The trainee who is checked in; `null`: none.
     checked_in: Option<CheckInResponse>,
 }
@@ -80,6 +84,17 @@ pub struct BoxRecordingResponse {
     recorded_s: f64,
     /// Frames so far.
     frames: u64,
+}
+
+/// A recording that begins with the first movement in the picture of a box.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct AwaitedStartResponse {
+    /// The trainee; `null` for one that the caller does not see.
+    trainee: Option<NamedReference>,
+    /// The task; `null` like the trainee.
+    task: Option<NamedReference>,
+    /// True once the picture is still: a movement is seen only then.
+    is_picture_still: bool,
 }
 
 /// A trainee who is checked in at a box.
@@ -146,6 +161,10 @@ impl App {
             }
             None => None,
         };
+        let awaited_start = match state.as_ref().and_then(|state| state.awaited_start) {
+            Some(awaited) => Some(self.awaited_start_response(scope, awaited).await?),
+            None => None,
+        };
         let checked_in = match check_in {
             Some(check_in) => {
                 let trainee = self.seen_trainee(scope, check_in.trainee.id).await?;
@@ -164,11 +183,23 @@ impl App {
             program: program.or_else(|| known.map(|record| record.program.clone())),
             camera: state.as_ref().map(|state| state.camera.clone()),
             light: state.as_ref().and_then(|state| state.light),
+            can_start_on_movement: state.as_ref().map(|state| state.can_start_on_movement),
             spool: state.map(|state| state.spool),
             clock: clock.map(ClockResponse::from),
             recording,
+            awaited_start,
             checked_in,
         })
+    }
+
+    async fn awaited_start_response(
+        &self,
+        scope: &Scope,
+        awaited: AwaitedStartState,
+    ) -> HandlerResult<AwaitedStartResponse> {
+        let trainee = self.seen_trainee(scope, awaited.trainee).await?;
+        let task = self.seen_task(scope, Some(awaited.task).filter(|_| trainee.is_some())).await?;
+        Ok(AwaitedStartResponse { trainee, task, is_picture_still: awaited.is_picture_still })
     }
 
     async fn is_sealed(&self, session: SessionId) -> HandlerResult<bool> {
@@ -215,6 +246,19 @@ impl App {
             )));
         }
         Ok(())
+    }
+}
+
+impl App {
+    /// Fails if the agent of a box cannot let a recording begin with the first movement.
+    fn check_box_sees_movement(&self, of: BoxId) -> HandlerResult<()> {
+        let view = self.box_agents.view(of);
+        if view.state.is_some_and(|state| state.can_start_on_movement) {
+            return Ok(());
+        }
+        Err(Refusal::Conflict.with(
+            "The agent of the box is of an older version and cannot start by itself. Install the version of this server              there, or start the recording at once.",
+        ))
     }
 }
 
@@ -271,11 +315,15 @@ pub struct NewBoxRecording {
     /// True: without a trainee. The recording waits for a name (`waiting-recordings`). For staff.
     #[serde(default)]
     without_name: bool,
+    /// True: begin with the first movement in the picture, not at once. `awaited_start` of the box says so until then; the
+    /// wait ends after ten minutes, and with `stop`. Not without a name.
+    #[serde(default)]
+    on_movement: bool,
 }
 
 /// Start a recording at a box
 ///
-/// The agent that stands by there begins at once. Staff record the trainees that they see, trainees themselves. Refused
+/// The agent that stands by there begins at once, or with the first movement in the picture. Staff record the trainees that they see, trainees themselves. Refused
 /// (409) while the box is silent or recording, without its camera, or with another picture size than the calibrated one;
 /// and (403) for a trainee who does not consent. Staff may start a recording without a name, which waits for one then.
 #[utoipa::path(post, path = "/boxes/{id}/agent/start", tag = "boxes",
@@ -304,13 +352,20 @@ pub async fn start_agent(
         app.store.consents().require(&by.scope, trainee.id).await?;
     }
     app.check_box_can_record(&by.scope, of).await?;
+    if new.on_movement {
+        app.check_box_sees_movement(of)?;
+    }
     let notes = app.store.box_agents();
     match &trainee {
         Some(trainee) => notes.note_command(&by.scope, &by.scope, BoxCommand::Start, (of, trainee.id)).await?,
         None => notes.note_unnamed_command(&by.scope, BoxCommand::StartUnnamed, of).await?,
     }
     let recording = FeedId::at(app.clock.now_ms());
-    app.box_agents.command(of, AgentCommand::Start(recording, trainee, task)).await.map_err(command_problem)?;
+    let command = match (trainee, task) {
+        (Some(trainee), Some(task)) if new.on_movement => AgentCommand::StartOnMovement(recording, trainee, task),
+        (trainee, task) => AgentCommand::Start(recording, trainee, task),
+    };
+    app.box_agents.command(of, command).await.map_err(command_problem)?;
     Ok(Json(app.box_agent_response(&by.scope, of, None).await?))
 }
 
@@ -321,6 +376,10 @@ impl NewBoxRecording {
             let why = "a recording without a name has no trainee; leave one of the two out";
             return Err(ProblemResponse::invalid("trainee", why));
         }
+        if self.on_movement {
+            let why = "a recording without a name does not begin by itself; name the trainee";
+            return Err(ProblemResponse::invalid("on_movement", why));
+        }
         if !scope.is_staff() {
             return Err(Refusal::Forbidden.with("Only staff start recordings without a name from here."));
         }
@@ -328,7 +387,7 @@ impl NewBoxRecording {
     }
 }
 
-/// End the recording of a box
+/// End the recording of a box, or the wait for the first movement
 ///
 /// For staff who see its trainee, and for the trainee, except an attempt of an exam. Every member of staff ends one without a name.
 #[utoipa::path(post, path = "/boxes/{id}/agent/stop", tag = "boxes",
@@ -341,14 +400,20 @@ pub async fn stop_agent(
     let of = app.store.boxes().get(&by.scope, &key).await?.id;
     let view = app.box_agents.view(of);
     let state = view.state.filter(|_| view.is_online).ok_or_else(silent_box)?;
-    let running = state.recording.ok_or_else(|| Refusal::Conflict.with("The box is not recording."))?;
-    match running.trainee {
+    let (trainee, recording) = match (state.recording, state.awaited_start) {
+        (Some(running), _) => (running.trainee, Some(running.recording)),
+        (None, Some(awaited)) => (Some(awaited.trainee), None),
+        (None, None) => return Err(Refusal::Conflict.with("The box is not recording.")),
+    };
+    match trainee {
         Some(trainee) => {
             if app.seen_trainee(&by.scope, trainee).await?.is_none() {
                 let why = "The box records another person. Only that person or their staff can stop it.";
                 return Err(Refusal::Conflict.with(why));
             }
-            if !by.scope.is_staff() && app.store.exams().is_ordered(running.recording).await? {
+            if let Some(recording) = recording.filter(|_| !by.scope.is_staff())
+                && app.store.exams().is_ordered(recording).await?
+            {
                 let why = "This recording is an attempt of an exam. The examiner ends it.";
                 return Err(Refusal::Conflict.with(why));
             }

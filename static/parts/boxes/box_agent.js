@@ -38,6 +38,7 @@ export function AgentPill({ agent }) {
   if (agent.presence === 'silent')
     return html`<span class="pill bad">${words.silentSince(sinceText(agent.last_seen_at))}</span>`;
   if (agent.recording) return html`<span class="pill busy">${words.recording(clock(agent.recording.recorded_s, 0))}</span>`;
+  if (agent.awaited_start) return html`<span class="pill busy">${words.awaitsShort}</span>`;
   const fault = faultOf(agent);
   return fault ? html`<span class="pill warn">${fault}</span>` : html`<span class="pill good">${words.live}</span>`;
 }
@@ -143,9 +144,17 @@ function AgentCommands({ box, agent, person, onChange }) {
       </div>
       ${running.is_unnamed && may(person, 'upload') && html`<p class="muted">${words.unnamedBody} <a
         href=${href(['waiting'])}>${t.waiting.title}</a>.</p>`}`
-      : html`<${StartForm} person=${person} agent=${agent} busy=${busy}
+      : html`${agent.awaited_start && html`<${AwaitedStart} awaited=${agent.awaited_start} busy=${busy} onStop=${() => send(() => api.boxes.stop(box.id))} />`}
+        <${StartForm} person=${person} agent=${agent} busy=${busy}
           onStart=${target => send(() => api.boxes.start(box.id, target))} />`}`;
 }
+
+/** The recording that begins with the first movement. @param {Props} props */
+const AwaitedStart = ({ awaited, busy, onStop }) => html`
+  <${Notice} tone="busy" title=${awaited.trainee ? words.awaits(awaited.trainee.name, awaited.task?.name ?? '') : words.awaitsAnother}>
+    <p>${awaited.is_picture_still ? words.awaitsMovement : words.awaitsRest}</p>
+    ${awaited.trainee && html`<p><button class="button" type="button" disabled=${busy} onClick=${onStop}>${words.endWait}</button></p>`}
+  <//>`;
 
 function recordsText(running) {
   if (running.is_unnamed) return words.recordsUnnamed;
@@ -164,10 +173,12 @@ function StartForm({ person, agent, busy, onStart }) {
   }, [own]);
   const [trainee, setTrainee] = useState(own ?? '');
   const [task, setTask] = useState('');
+  const [onMovement, setOnMovement] = useState(false);
   if (!lists || (!own && !may(person, 'upload'))) return null;
   const options = (label, items) => [['', label], ...items.map(item => [item.id, item.name])];
   const isUnnamed = trainee === UNNAMED;
-  const target = isUnnamed ? { without_name: true, task: task || undefined } : { trainee, task };
+  const canAwait = agent.can_start_on_movement && !isUnnamed;
+  const target = isUnnamed ? { without_name: true, task: task || undefined } : { trainee, task, on_movement: canAwait && onMovement };
   const trainees = [...options(t.target.choose, lists.trainees), [UNNAMED, words.unnamed]];
   return html`
     <form class="fields" onSubmit=${event => (event.preventDefault(), onStart(target))}>
@@ -175,6 +186,8 @@ function StartForm({ person, agent, busy, onStart }) {
         onInput=${event => setTrainee(event.target.value)} />`}
       <${Field} type="select" required=${!isUnnamed} label=${t.target.task} value=${task} options=${options(t.target.choose, lists.tasks)}
         onInput=${event => setTask(event.target.value)} />
+      ${canAwait && html`<label class="check wide"><input type="checkbox" checked=${onMovement}
+        onChange=${event => setOnMovement(event.target.checked)} /><span>${words.onMovement} <small class="muted">${words.onMovementHint}</small></span></label>`}
       <div class="wide"><button class="button main" disabled=${busy || !agent.camera?.is_open}>${words.start}</button></div>
     </form>`;
 }

@@ -10,12 +10,12 @@ use super::centre::Centre;
 use crate::box_agent::{BoxComputer, StandingAgent};
 use crate::support::{Client, poll, poll_json, problem, read};
 
-const AGENT: &str = "/api/v1/boxes/box-1/agent";
+pub(super) const AGENT: &str = "/api/v1/boxes/box-1/agent";
 const DAY_MS: i64 = 86_400_000;
 
 /// A centre whose box has a computer.
-struct Box1 {
-    centre: Centre,
+pub(super) struct Box1 {
+    pub(super) centre: Centre,
     computer: BoxComputer,
 }
 
@@ -26,49 +26,54 @@ impl Box1 {
 
     /// The same with a camera that ends and begins again after some seconds.
     async fn with_clip(seconds: u32) -> Self {
+        Self::with_computer(|token| BoxComputer::new(token, seconds)).await
+    }
+
+    /// The same with the computer that is made with the box's token.
+    pub(super) async fn with_computer(make: impl FnOnce(&str) -> BoxComputer) -> Self {
         let centre = Centre::open().await;
         let token = json!({"name": "box 1", "role": "agent", "box": "box-1"});
         let token = centre.administrator.make("/api/v1/tokens", token).await;
-        let computer = BoxComputer::new(token["token"].as_str().unwrap(), seconds);
+        let computer = make(token["token"].as_str().unwrap());
         Self { centre, computer }
     }
 
     /// Starts the agent, and waits until its camera is open.
-    async fn stand_by(&self, arguments: &[&str]) -> StandingAgent {
+    pub(super) async fn stand_by(&self, arguments: &[&str]) -> StandingAgent {
         let server = format!("http://{}", self.centre.service.address());
         let agent = self.computer.stand_by(&server, arguments);
         self.until(|state| state["camera"]["is_open"] == true).await;
         agent
     }
 
-    async fn until(&self, wanted: impl Fn(&Value) -> bool) -> Value {
+    pub(super) async fn until(&self, wanted: impl Fn(&Value) -> bool) -> Value {
         self.centre.administrator.read_until(AGENT, wanted).await
     }
 
-    async fn start(&self, by: &Client, body: Value) -> reqwest::Response {
+    pub(super) async fn start(&self, by: &Client, body: Value) -> reqwest::Response {
         by.post(&format!("{AGENT}/start"), body).await
     }
 
-    async fn stop(&self, by: &Client) -> reqwest::Response {
+    pub(super) async fn stop(&self, by: &Client) -> reqwest::Response {
         by.request(Method::POST, &format!("{AGENT}/stop")).send().await.unwrap()
     }
 
     /// The newest session, once it has arrived.
-    async fn session(&self) -> Value {
+    pub(super) async fn session(&self) -> Value {
         let arrived = |list: &Value| list["items"][0]["status"].as_str().is_some_and(|status| status != "receiving");
         self.centre.administrator.read_until("/api/v1/sessions", arrived).await["items"][0].clone()
     }
 }
 
-async fn screen_state(agent: &StandingAgent) -> Value {
+pub(super) async fn screen_state(agent: &StandingAgent) -> Value {
     reqwest::get(agent.screen("/state")).await.unwrap().json().await.unwrap()
 }
 
-async fn screen_until(agent: &StandingAgent, wanted: impl Fn(&Value) -> bool) -> Value {
+pub(super) async fn screen_until(agent: &StandingAgent, wanted: impl Fn(&Value) -> bool) -> Value {
     poll_json("the screen of the box", async || screen_state(agent).await, wanted).await
 }
 
-async fn press(agent: &StandingAgent, path: &str, body: Value) -> reqwest::Response {
+pub(super) async fn press(agent: &StandingAgent, path: &str, body: Value) -> reqwest::Response {
     reqwest::Client::new().post(agent.screen(path)).json(&body).send().await.unwrap()
 }
 

@@ -3,6 +3,7 @@
 mod advice;
 mod attention;
 mod audit;
+mod awaited_starts;
 mod bare_tools;
 mod base_path;
 mod box_agents;

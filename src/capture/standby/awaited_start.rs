@@ -1,0 +1,227 @@
+//! A recording that begins by itself with the first movement in the picture.
+//!
+//! While it is awaited, the frames of the last two seconds are kept in memory, and the recording begins with them. So it
+//! shows the picture at rest before the movement, as the beginning of an attempt is measured (`docs/method.md`, 6.1): the time
+//! at rest is no part of it. Nothing is stored before.
+
+use std::time::Duration;
+
+use tokio::sync::mpsc::Receiver;
+use tokio::time::{Instant, sleep};
+
+use super::Standby;
+use super::movement::{MovementDetector, PictureMotion};
+use crate::domain::box_agent::CHECK_IN_IDLE;
+use crate::domain::box_agent::messages::{CheckedIn, NamedTask, NamedTrainee};
+use crate::domain::box_agent::state::AwaitedStartState;
+use crate::ids::FeedId;
+use crate::media::{CapturedFrame, FeedDecoder, MediaError, MediaLimits, SourceInfo, block_means};
+
+/// Time before the movement that the recording shows: a second at rest, and what a slow start takes until it is seen.
+const KEPT: Duration = Duration::from_secs(2);
+/// How long a movement is awaited: as long as a check-in lasts without a recording.
+const PATIENCE: Duration = CHECK_IN_IDLE;
+/// Pause before a camera is watched again that was interrupted.
+const PAUSE: Duration = Duration::from_millis(200);
+
+/// The recording that is awaited.
+#[derive(Clone, Debug)]
+pub(super) struct AwaitedStart {
+    number: u64,
+    pub(super) trainee: NamedTrainee,
+    task: NamedTask,
+    since: Instant,
+    is_picture_still: bool,
+}
+
+/// Why watching the camera has ended.
+enum Watched {
+    /// Something moves.
+    Moved,
+    /// The camera was interrupted, or nothing is awaited any more.
+    Ended,
+    /// The pictures cannot be decoded.
+    Failed(MediaError),
+}
+
+impl Standby {
+    /// Starts a recording of this trainee with the first movement in the picture. It replaces another one that is awaited.
+    ///
+    /// # Errors
+    /// Why not, for people.
+    pub(super) fn await_movement(&self, trainee: NamedTrainee, task: NamedTask) -> Result<(), String> {
+        if self.running().is_some() {
+            return Err("a recording is running already".to_owned());
+        }
+        let number = {
+            let mut facts = self.facts();
+            facts.last_awaited += 1;
+            let number = facts.last_awaited;
+            facts.start_failed = None;
+            facts.awaited =
+                Some(AwaitedStart { number, trainee, task, since: Instant::now(), is_picture_still: false });
+            number
+        };
+        self.parts().camera.unwatch(); // the one before
+        tokio::spawn(self.clone().watch_for_movement(number));
+        self.note_change();
+        Ok(())
+    }
+
+    /// Awaits the first movement for the trainee who is checked in, on a box that starts by itself.
+    pub(super) fn await_movement_if_automatic(&self) {
+        let checked_in = self.facts().checked_in.clone();
+        if let Some(CheckedIn { trainee, task: Some(task), .. }) = checked_in
+            && self.parts().starts_on_movement
+        {
+            let _ = self.await_movement(trainee, task); // while a recording runs, nothing is awaited
+        }
+    }
+
+    /// A trainee chose this task at the box: the recording that is awaited is one of it, and on a box that starts by itself
+    /// one is awaited.
+    pub(super) fn await_other_task(&self, task: NamedTask) {
+        let awaited = self.facts().awaited.clone();
+        match awaited {
+            Some(AwaitedStart { trainee, .. }) => drop(self.await_movement(trainee, task)), // see below
+            None => self.await_movement_if_automatic(),
+        }
+    }
+
+    /// Awaits no movement any more. True if one was awaited.
+    pub(super) fn end_awaited_start(&self) -> bool {
+        let has_ended = self.facts().awaited.take().is_some();
+        if has_ended {
+            self.parts().camera.unwatch();
+            self.note_change();
+        }
+        has_ended
+    }
+
+    /// Starts the recording that is awaited at once. `None`: none is awaited.
+    pub(super) fn start_awaited_now(&self) -> Option<Result<(), String>> {
+        let AwaitedStart { trainee, task, .. } = self.facts().awaited.clone()?;
+        self.end_awaited_start(); // nothing from before is shown
+        Some(self.start(FeedId::at(self.corrected_now_ms()), Some(trainee), Some(task)))
+    }
+
+    /// Awaits no movement any more, unless it is that of the trainee who is checked in.
+    pub(super) fn end_awaited_start_of_another(&self) {
+        let is_of_another = {
+            let facts = self.facts();
+            let trainee = facts.checked_in.as_ref().map(|checked_in| checked_in.trainee.id);
+            facts.awaited.as_ref().is_some_and(|awaited| Some(awaited.trainee.id) != trainee)
+        };
+        if is_of_another {
+            self.end_awaited_start();
+        }
+    }
+
+    /// The recording that is awaited, for readers.
+    pub(super) fn awaited_start_state(&self) -> Option<AwaitedStartState> {
+        let facts = self.facts();
+        let AwaitedStart { trainee, task, is_picture_still, .. } = facts.awaited.as_ref()?;
+        Some(AwaitedStartState { trainee: trainee.id, task: task.id, is_picture_still: *is_picture_still })
+    }
+
+    async fn watch_for_movement(self, number: u64) {
+        loop {
+            let Some(awaited) = self.awaited(number) else { return };
+            if awaited.since.elapsed() > PATIENCE {
+                self.end_awaited_start();
+                return;
+            }
+            let Some((info, frames)) = self.parts().camera.watch(KEPT) else {
+                sleep(PAUSE).await;
+                continue;
+            };
+            let watching = self.clone();
+            let watched = tokio::task::spawn_blocking(move || watching.watch_camera(number, &info, frames)).await;
+            match watched {
+                Ok(Watched::Moved) => {
+                    self.start_awaited(number);
+                    return;
+                }
+                Ok(Watched::Ended) => {
+                    self.note_still(number, false);
+                    sleep(PAUSE).await;
+                }
+                Ok(Watched::Failed(error)) => {
+                    self.fail_awaited(number, &format!("the pictures of the camera cannot be read ({error})"));
+                    return;
+                }
+                Err(_) => return, // a panic is logged where it happened
+            }
+        }
+    }
+
+    /// Looks at the frames of the camera, in a thread of its own: a picture takes some milliseconds to decode.
+    fn watch_camera(&self, number: u64, info: &SourceInfo, mut frames: Receiver<CapturedFrame>) -> Watched {
+        let decoder = FeedDecoder::new(info.codec, info.size, info.time_base, MediaLimits::default());
+        let mut decoder = match decoder {
+            Ok(decoder) => decoder,
+            Err(error) => return Watched::Failed(error),
+        };
+        let mut detector = MovementDetector::default();
+        let (mut sent, mut has_key) = (0, false);
+        while let Some(frame) = frames.blocking_recv() {
+            has_key |= frame.is_key;
+            if !has_key {
+                continue;
+            }
+            if let Err(error) = decoder.send_frame(sent, frame.time, &frame.bytes) {
+                return Watched::Failed(error);
+            }
+            sent += 1;
+            loop {
+                let picture = match decoder.next_picture() {
+                    Ok(Some(picture)) => picture,
+                    Ok(None) => break,
+                    Err(error) => return Watched::Failed(error),
+                };
+                let seen = block_means(&picture).map(|blocks| detector.add(picture.frame().time_s, blocks));
+                decoder.recycle(picture);
+                match seen {
+                    Some(PictureMotion::Moves) => return Watched::Moved,
+                    Some(motion) => self.note_still(number, motion == PictureMotion::Still),
+                    None => {}
+                }
+            }
+        }
+        Watched::Ended
+    }
+
+    fn note_still(&self, number: u64, is_still: bool) {
+        let has_changed = {
+            let mut facts = self.facts();
+            let Some(awaited) = facts.awaited.as_mut().filter(|awaited| awaited.number == number) else { return };
+            std::mem::replace(&mut awaited.is_picture_still, is_still) != is_still
+        };
+        if has_changed {
+            self.note_change();
+        }
+    }
+
+    /// The recording with this number, if it is still awaited.
+    fn awaited(&self, number: u64) -> Option<AwaitedStart> {
+        self.facts().awaited.clone().filter(|awaited| awaited.number == number)
+    }
+
+    fn start_awaited(&self, number: u64) {
+        let Some(AwaitedStart { trainee, task, .. }) = self.awaited(number) else { return };
+        let id = FeedId::at(self.corrected_now_ms());
+        tracing::info!(recording = %id, "movement in the picture");
+        if let Err(why) = self.start(id, Some(trainee), Some(task)) {
+            self.fail_awaited(number, &why);
+        }
+    }
+
+    fn fail_awaited(&self, number: u64, why: &str) {
+        if self.awaited(number).is_none() {
+            return;
+        }
+        tracing::warn!(why, "the recording did not start with the movement");
+        self.facts().start_failed = Some(why.to_owned());
+        self.end_awaited_start();
+    }
+}
