@@ -62,7 +62,7 @@ pub async fn record(
     let seconds = rules.seconds.unwrap_or(MAX_DURATION_S).min(MAX_DURATION_S);
     let planned = Duration::try_from_secs_f64(seconds).unwrap_or_default();
     let mut timeline = Timeline::new(rules.time_base, rules.first_arrived);
-    let (mut number, mut source_lost) = (0, None);
+    let (mut number, mut frames, mut source_lost) = (0, 0, None);
     let mut sync = interval(SYNC_INTERVAL);
     let mut syncing = BackgroundSync::default();
     let mut drain: Option<Drain> = None;
@@ -114,7 +114,8 @@ pub async fn record(
         }
         append_frame(agent, number, &frame, rules.time_base);
         number += 1;
-        agent.status().captured = number;
+        frames += 1; // gaps have a number as well
+        agent.status().captured = frames;
         agent.notify_changed();
     }
     drop(source);
@@ -122,7 +123,7 @@ pub async fn record(
     block_in_place(|| end_live(agent, source_lost.as_deref()));
     agent.sync().await;
     agent.notify_changed();
-    EndedRecording { frames: number, source_lost }
+    EndedRecording { frames, source_lost }
 }
 
 /// The end of a recording was requested: what was captured before is still appended.

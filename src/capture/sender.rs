@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::Agent;
-use super::connection::{DisconnectOutcome, Server};
+use super::connection::{DisconnectOutcome, Server, is_same_reason};
 use crate::ids::{FeedId, SessionId};
 use crate::time::{Clock, SystemClock};
 
@@ -24,7 +24,7 @@ pub enum SendOutcome {
 
 /// Sends a recording of the spool until it is complete, over as many connections as needed.
 pub async fn send(agent: &Agent, server: &Server, mut id: FeedId) -> SendOutcome {
-    let mut pause = MIN_PAUSE;
+    let (mut pause, mut last) = (MIN_PAUSE, String::new());
     wait_for_a_frame(agent, id).await;
     loop {
         match server.run(agent, id).await {
@@ -48,10 +48,13 @@ pub async fn send(agent: &Agent, server: &Server, mut id: FeedId) -> SendOutcome
             }
             DisconnectOutcome::Retry { why, was_welcome } => {
                 if was_welcome {
-                    pause = MIN_PAUSE;
+                    (pause, last) = (MIN_PAUSE, String::new());
                 }
                 agent.status().disconnected(&why);
-                tracing::warn!(why, pause_ms = pause.as_millis() as u64, "no connection; next attempt after the pause");
+                if !is_same_reason(&why, &last) {
+                    tracing::warn!(why, "no connection; tried again until there is one");
+                }
+                last = why;
                 tokio::time::sleep(pause).await;
                 pause = (2 * pause).min(MAX_PAUSE);
             }

@@ -23,6 +23,7 @@ use crate::domain::feed::messages::{SenderMessage, ServerMessage};
 use crate::domain::feed::numbers::FrameNumbers;
 use crate::domain::feed::record::{FeedRecord, GapReason, RecordBody};
 use crate::ids::{FeedId, SessionId};
+use crate::time::{Clock, SystemClock, to_rfc3339};
 
 /// Longest time to establish a connection.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
@@ -148,7 +149,7 @@ impl Server {
         match connect_async_with_config(request, Some(config), true).await {
             Ok((socket, _)) => Ok(socket),
             Err(Error::Http(response)) => Err(outcome_of_http_status(response.status().as_u16(), &shown.to_string())),
-            Err(error) => Err(retry(error.to_string())),
+            Err(error) => Err(retry(why_not_connected(&error))),
         }
     }
 }
@@ -323,6 +324,34 @@ fn record_message(record: &FeedRecord<'_>) -> Message {
 
 fn text_message(word: &SenderMessage) -> Message {
     Message::text(serde_json::to_string(word).unwrap_or_default()) // cannot fail: plain data
+}
+
+/// Why there is no connection. A certificate that does not hold at this computer's time says more of its clock.
+fn why_not_connected(error: &Error) -> String {
+    use rustls::CertificateError::{Expired, ExpiredContext, NotValidYet, NotValidYetContext};
+    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
+    while let Some(at) = cause {
+        let inner = at.downcast_ref::<std::io::Error>().and_then(std::io::Error::get_ref);
+        let tls = at.downcast_ref().or(inner.and_then(|inner| inner.downcast_ref::<rustls::Error>()));
+        if let Some(rustls::Error::InvalidCertificate(
+            Expired | ExpiredContext { .. } | NotValidYet | NotValidYetContext { .. },
+        )) = tls
+        {
+            let shown = to_rfc3339(SystemClock.now_ms());
+            return format!(
+                "the server's certificate does not hold at the time of this computer, {shown}: set the clock of this \
+                 computer if it is wrong, or renew the certificate ({error})"
+            );
+        }
+        cause = at.source();
+    }
+    error.to_string()
+}
+
+/// True if two reasons for a lost connection differ in no more than their figures, such as a time.
+pub(super) fn is_same_reason(one: &str, other: &str) -> bool {
+    let words = |text: &str| text.chars().filter(|c| !c.is_ascii_digit()).collect::<String>();
+    words(one) == words(other)
 }
 
 fn retry(why: String) -> DisconnectOutcome {

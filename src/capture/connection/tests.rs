@@ -94,3 +94,16 @@ fn addresses_lead_to_the_boxs_feed() {
         [true, false, false]
     );
 }
+
+#[test]
+fn a_certificate_that_does_not_hold_yet_names_the_clock() {
+    use rustls::CertificateError::{BadSignature, NotValidYet};
+    let refused = |why| {
+        let inner = std::io::Error::new(std::io::ErrorKind::InvalidData, rustls::Error::InvalidCertificate(why));
+        why_not_connected(&Error::Io(inner))
+    };
+    assert!(refused(NotValidYet).contains("set the clock"), "{}", refused(NotValidYet));
+    assert!(!refused(BadSignature).contains("clock"));
+    assert!(is_same_reason("not valid at 17:03:12", "not valid at 17:03:14"));
+    assert!(!is_same_reason("no answer within 10s", "the connection was cut"));
+}

@@ -10,7 +10,7 @@ use tokio_tungstenite::tungstenite::Message;
 
 use super::Standby;
 use super::clock::ServerClock;
-use crate::capture::connection::{DisconnectOutcome, Socket, outcome_of_close_code};
+use crate::capture::connection::{DisconnectOutcome, Socket, is_same_reason, outcome_of_close_code};
 use crate::domain::box_agent::messages::{AgentMessage, CheckInEnd, CheckInRefusal, CheckedIn, StartCommand, ToAgent};
 use crate::domain::box_agent::state::ClockState;
 use crate::domain::box_agent::{PROTOCOL, STATE_INTERVAL};
@@ -42,7 +42,7 @@ impl Standby {
                 DisconnectOutcome::Refused(why) => (why, REFUSED_PAUSE),
                 DisconnectOutcome::Complete(_) | DisconnectOutcome::Empty => ("the connection was cut".into(), PAUSE),
             };
-            if why != last {
+            if !is_same_reason(&why, &last) {
                 tracing::warn!(why, "no connection to the server; recordings go on into the spool");
             }
             last.clone_from(&why);

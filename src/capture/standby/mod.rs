@@ -218,6 +218,7 @@ impl Standby {
         self.end_recording().await;
         for task in [camera, light, sending] {
             task.abort();
+            let _ = task.await; // the runtime ends next, and no task may use it then
         }
     }
 
