@@ -229,8 +229,9 @@ async fn receive_recording(
                     ack_at = Some(Instant::now() + settings.ack());
                 }
             }
-            ReceivedMessage::Control(SenderMessage::End { frames, source_lost }) => {
-                let early = source_lost.map(|why| EarlyEnd::of(EarlyEndCause::SourceLost).with(&why));
+            ReceivedMessage::Control(SenderMessage::End { frames, source_lost, broken_off }) => {
+                let lost = source_lost.map(|why| EarlyEnd::of(EarlyEndCause::SourceLost).with(&why));
+                let early = lost.or(broken_off.map(|why| EarlyEnd::of(EarlyEndCause::SenderGone).with(&why)));
                 let answer = feed.end(frames, early).await?;
                 send(socket, &answer).await?;
                 if matches!(answer, ServerMessage::Ended { .. }) {

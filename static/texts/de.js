@@ -702,7 +702,7 @@ export default {
       title: 'Diese Aufnahme endete vorzeitig',
       causes: {
         source_lost: 'Das Programm neben der Box hat Kamera oder Stream verloren und konnte sie nicht wieder öffnen. Prüfen Sie Kabel und Kamera vor der nächsten Aufnahme.',
-        sender_gone: 'Ihr Absender blieb zu lange weg, oder sein Stream brach ab. Was bis dahin ankam, ist erhalten.',
+        sender_gone: 'Ihr Absender wurde ausgeschaltet oder blieb zu lange weg, oder sein Stream brach ab. Was bis dahin ankam, ist erhalten.',
         by_person: 'Eine Person hat sie beendet, während ihr Absender weg war, oder die aufgenommene Person hat sich gegen Aufnahmen entschieden. Was bis dahin ankam, ist erhalten.',
       },
     },

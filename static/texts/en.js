@@ -556,7 +556,7 @@ export default {
       title: 'This recording ended early',
       causes: {
         source_lost: 'The program beside the box lost its camera or stream and could not open it again. Check cable and camera before the next recording.',
-        sender_gone: 'Its sender stayed away for too long, or its stream broke off. What arrived until then was kept.',
+        sender_gone: 'Its sender was switched off or stayed away for too long, or its stream broke off. What arrived until then was kept.',
         by_person: 'A person ended it while its sender was away, or the trainee decided against recordings. What arrived until then was kept.',
       },
     },

@@ -270,11 +270,12 @@ impl FeedConnection<'_> {
                 None if recording.end == 0 => return NextAction::Close(DisconnectOutcome::Empty),
                 None => {
                     let (frames, source_lost) = (recording.end, recording.source_lost.clone());
+                    let broken_off = recording.broken_off.clone();
                     if let Err(error) = spool.close(self.id) {
                         return NextAction::Close(retry(format!("the spool cannot be written: {error}")));
                     }
                     progress.has_sent_end = true;
-                    return NextAction::Send(text_message(&SenderMessage::End { frames, source_lost }));
+                    return NextAction::Send(text_message(&SenderMessage::End { frames, source_lost, broken_off }));
                 }
             }
         }

@@ -117,14 +117,23 @@ impl Spool {
         live.map_or(Ok(()), |recording| recording.note_source_lost(why))
     }
 
+    /// Notes that the live recording is broken off: the agent ends while it is recorded.
+    pub fn note_broken_off(&mut self, why: &str) {
+        if let Some(recording) = self.live.and_then(|id| self.recordings.get_mut(&id)) {
+            recording.broken_off = Some(why.to_owned());
+        }
+    }
+
     /// Ends the live recording. Frames that did not fit are recorded as a gap, if there is space for that now;
     /// otherwise the server asks for them.
     pub fn end_live(&mut self) {
         let segment_bytes = self.segment_bytes();
-        if let Some(recording) = self.live.take().and_then(|id| self.recordings.get_mut(&id))
-            && let Err(error) = recording.write_unwritten(segment_bytes)
-        {
+        let Some(recording) = self.live.take().and_then(|id| self.recordings.get_mut(&id)) else { return };
+        if let Err(error) = recording.write_unwritten(segment_bytes) {
             tracing::warn!(%error, "no space for the last frames; the server will report them missing");
+        }
+        if let Err(error) = recording.note_end() {
+            tracing::warn!(%error, "the end cannot be noted; after a restart the recording counts as broken off");
         }
     }
 

@@ -23,6 +23,8 @@ const FILE: &str = "recording.mp4";
 const UNFINISHED_FILE: &str = "recording.new";
 /// Exists once the number of frames was sent to the server: only then can an ended recording be complete.
 const CLOSING: &str = "closing";
+/// There while it is recorded: if a later run finds it, the recording was broken off.
+const RECORDS: &str = "records";
 
 /// A moment since the computer was started. Nothing sets this clock, and it ends with a restart of the computer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,6 +47,8 @@ pub struct SpooledRecording {
     pub uncorrected_start: Option<StartMoment>,
     /// Why it ended, if its source was lost.
     pub source_lost: Option<String>,
+    /// Why it was broken off, if the agent ended while it was recorded.
+    pub broken_off: Option<String>,
     /// The numbers that the server has.
     pub durable: FrameNumbers,
     /// One more than the largest number so far.
@@ -64,6 +68,9 @@ pub struct SpooledRecording {
     is_closing: bool,
 }
 
+/// Why a recording was broken off that a later run finds.
+const KILLED: &str = "the agent, or its computer, was switched off while it recorded";
+
 impl SpooledRecording {
     /// Creates a recording; its folder and hello are then on the disk.
     pub(super) fn create(folder: PathBuf, hello: Hello, in_box: &str, start: Option<StartMoment>) -> io::Result<Self> {
@@ -76,6 +83,7 @@ impl SpooledRecording {
             file.write_all(&serde_json::to_vec(start)?)?;
             file.sync_all()?;
         }
+        File::create(folder.join(RECORDS))?.sync_all()?;
         write_hello(&folder, &hello)?; // last: it makes the folder a recording
         folder.parent().map_or(Ok(()), sync_folder)?;
         Ok(Self { uncorrected_start: start, ..Self::new(folder, hello, Some(in_box.to_owned())) })
@@ -108,6 +116,7 @@ impl SpooledRecording {
         };
         recording.source_lost = fs::read_to_string(folder.join(SOURCE_LOST)).ok();
         recording.is_closing = folder.join(CLOSING).exists();
+        recording.broken_off = folder.join(RECORDS).exists().then(|| KILLED.to_owned());
         remove_if_there(&folder.join(UNFINISHED_FILE))?;
         recording.file_bytes = fs::metadata(folder.join(FILE)).map_or(0, |file| file.len());
         Ok(recording)
@@ -119,6 +128,7 @@ impl SpooledRecording {
             in_box,
             uncorrected_start: None,
             source_lost: None,
+            broken_off: None,
             durable: FrameNumbers::default(),
             end: 0,
             file_bytes: 0,
@@ -232,6 +242,15 @@ impl SpooledRecording {
         let mut file = File::create(self.folder.join(SOURCE_LOST))?;
         file.write_all(why.as_bytes())?;
         file.sync_all()?;
+        sync_folder(&self.folder)
+    }
+
+    /// Notes that it is not recorded any more. A later run finds that a recording was broken off.
+    pub(super) fn note_end(&mut self) -> io::Result<()> {
+        if self.broken_off.is_some() {
+            return Ok(());
+        }
+        remove_if_there(&self.folder.join(RECORDS))?;
         sync_folder(&self.folder)
     }
 

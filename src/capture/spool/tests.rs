@@ -286,3 +286,22 @@ fn the_file_of_a_recording_is_dropped_before_any_frame_and_is_gone_if_it_was_not
     let spool = Spool::open(folder.path(), SMALL).unwrap();
     assert!(!path.exists() && spool.get(id).unwrap().file().is_none());
 }
+
+#[test]
+fn a_recording_that_was_not_ended_was_broken_off() {
+    let (folder, mut one, ended) = spool(1 << 20);
+    add(&mut one, 0..3);
+    one.end_live();
+    assert_eq!(one.get(ended).unwrap().broken_off, None);
+    drop(one);
+    let mut again = Spool::open(folder.path(), 1 << 20).unwrap();
+    assert_eq!(again.get(ended).unwrap().broken_off, None, "it had ended");
+    let stopped = again.begin(hello(1_795_000_000_001), "box-1").unwrap();
+    again.note_broken_off("stopped");
+    again.end_live();
+    assert_eq!(again.get(stopped).unwrap().broken_off.as_deref(), Some("stopped"));
+    let killed = again.begin(hello(1_795_000_000_002), "box-1").unwrap();
+    drop(again);
+    let last = Spool::open(folder.path(), 1 << 20).unwrap();
+    assert!([stopped, killed].iter().all(|id| last.get(*id).unwrap().broken_off.is_some()));
+}

@@ -255,8 +255,9 @@ impl Standby {
         Ok(())
     }
 
-    /// Ends the recording that runs, and waits until all of it is in the spool.
+    /// The agent ends: so does the recording that runs. Waits until all of it is in the spool.
     pub(super) async fn end_recording(&self) {
+        self.parts().agent.spool().note_broken_off("the agent was stopped while it recorded");
         let recorder = self.running().as_mut().and_then(|running| {
             running.ending.begin();
             running.recorder.take()

@@ -13,7 +13,7 @@ named! {
     EarlyEndCause: "early end" {
         /// The sender lost its camera or stream, and could not open it again.
         SourceLost = "source_lost",
-        /// The sender stayed away for too long, or its stream broke off.
+        /// The sender ended while it recorded or stayed away for too long, or its stream broke off.
         SenderGone = "sender_gone",
         /// A person ended it while its sender was away, or the trainee decided against recordings.
         ByPerson = "by_person",

@@ -18,6 +18,9 @@ pub enum SenderMessage {
         /// Why it is over, if the sender lost its camera or stream. Absent otherwise, since older servers do not know it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         source_lost: Option<String>,
+        /// Why it is over, if the sender itself ended while it recorded. Absent otherwise, as above.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        broken_off: Option<String>,
     },
 }
 

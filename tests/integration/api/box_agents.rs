@@ -302,7 +302,7 @@ async fn a_camera_that_is_unplugged_is_reported_and_the_recording_goes_on_when_i
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_agent_that_is_killed_sends_the_rest_at_its_next_start() {
+async fn an_agent_that_is_killed_sends_the_rest_at_its_next_start_and_says_that_it_was_broken_off() {
     let box_1 = Box1::open().await;
     let agent = box_1.stand_by(&[]).await;
     read(box_1.start(&box_1.centre.trainee, json!({"task": "peg"})).await, StatusCode::OK).await;
@@ -312,6 +312,8 @@ async fn an_agent_that_is_killed_sends_the_rest_at_its_next_start() {
     let _agent = box_1.stand_by(&[]).await;
     let session = box_1.session().await;
     assert_eq!(session["trainee"]["code"], "ada");
+    assert_eq!(session["early_end"]["cause"], "sender_gone", "{session}");
+    assert!(session["early_end"]["detail"].as_str().unwrap().contains("switched off"), "{session}");
     box_1.until(|state| state["spool"]["recordings"] == 0).await;
     assert_eq!(box_1.computer.spooled(), 0);
 }
