@@ -2,8 +2,8 @@
 // under the same names. The first pattern that fits counts.
 /** @type {[string, RegExp][]} */
 export const INVALID_VALUES = [
-  ['characters', /has (\d+) characters; expected (\d+) to (\d+)/],
-  ['too_many_characters', /has (\d+) characters; expected at most (\d+)/],
+  ['characters', /has (\d+) characters?; expected (\d+) to (\d+)/],
+  ['too_many_characters', /has (\d+) characters?; expected at most (\d+)/],
   ['bytes', /has (\d+) bytes; expected (\d+) to (\d+)/],
   ['too_alike', /has fewer than (\d+) different characters/],
   ['words', /has (\d+) words; expected 1 to (\d+)/],

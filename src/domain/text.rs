@@ -188,11 +188,19 @@ pub(super) fn plain_character(c: char) -> Option<char> {
     })
 }
 
+/// A count with its noun: `1 file`, `2 files`. For nouns with a regular plural.
+pub fn count_of(count: u64, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
 fn line(what: &'static str, text: &str, min: usize, max: usize) -> Result<String, Invalid> {
     let text = text.trim();
     let length = text.chars().count();
     if length < min || length > max {
-        return Err(Invalid::new(what, format!("has {length} characters; expected {min} to {max}")));
+        return Err(Invalid::new(
+            what,
+            format!("has {}; expected {min} to {max}", count_of(length as u64, "character")),
+        ));
     }
     if let Some(c) = text.chars().find(|c| c.is_control()) {
         return Err(Invalid::new(what, format!("contains the control character {}", c.escape_unicode())));
@@ -229,7 +237,10 @@ fn is_ignorable(c: char) -> bool {
 fn lines(what: &'static str, text: &str, max: usize) -> Result<String, Invalid> {
     let length = text.chars().count();
     if length > max {
-        return Err(Invalid::new(what, format!("has {length} characters; expected at most {max}")));
+        return Err(Invalid::new(
+            what,
+            format!("has {}; expected at most {max}", count_of(length as u64, "character")),
+        ));
     }
     match text.chars().find(|c| c.is_control() && !matches!(c, '\n' | '\r' | '\t')) {
         Some(c) => Err(Invalid::new(what, format!("contains the control character {}", c.escape_unicode()))),

@@ -8,6 +8,7 @@ use super::Scope;
 use super::error::{StoreError, StoreResult};
 use crate::domain::role::Role;
 use crate::domain::scope::Actor;
+use crate::domain::text::count_of;
 use crate::ids::BoxId;
 
 /// Limits of one sender: a person, or the agent of a box.
@@ -97,7 +98,8 @@ pub(super) async fn check_day(
     let advice = "Continue later, or ask an administrator.";
     if count.unsigned_abs() + pending.0 >= limits.daily_recordings {
         let most = limits.daily_recordings;
-        let why = format!("You have sent {most} recordings within 24 hours, the most that are allowed. {advice}");
+        let sent = count_of(most, "recording");
+        let why = format!("You have sent {sent} within 24 hours, which is the limit. {advice}");
         return Err(StoreError::LimitReached { why, most });
     }
     if bytes.unsigned_abs() + pending.1 > limits.daily_bytes {

@@ -201,7 +201,7 @@ fn files_that_no_row_names_are_deleted_on_request_while_the_service_is_stopped()
     let stderr = refusal(admin(data, "delete-orphans"), 2);
     assert!(stderr.contains("stop it first") && stored.exists(), "{stderr}");
     drop(service);
-    assert!(succeed(data, "delete-orphans").starts_with("deleted: 1 files"));
+    assert!(succeed(data, "delete-orphans").starts_with("deleted: 1 file that"));
     assert!(!stored.exists());
 }
 

@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoAnswer {
     /// There are too few data.
-    #[error("needs {needed} {of}; there are {found}")]
+    #[error("needs {needed} {of}; there {} {found}", if *found == 1 { "is" } else { "are" })]
     TooFew {
         /// What there is too little of, in the plural: people, experts, sessions.
         of: &'static str,
@@ -71,5 +71,17 @@ impl NoAnswer {
     /// Refuses NaN and infinities.
     pub(super) fn finite(values: &[f64]) -> Result<(), NoAnswer> {
         if values.iter().all(|value| value.is_finite()) { Ok(()) } else { Err(NoAnswer::NotFinite) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_person_is_and_two_people_are() {
+        let said = |found| NoAnswer::TooFew { of: "people", found, needed: 10 }.to_string();
+        assert_eq!(said(1), "needs 10 people; there is 1");
+        assert_eq!([said(0), said(2)], ["needs 10 people; there are 0", "needs 10 people; there are 2"]);
     }
 }

@@ -25,6 +25,11 @@ pub struct Views {
 /// Maximum number of sizes that a refusal lists.
 const MAX_LISTED_SIZES: usize = 4;
 
+/// `none of the 3 files is `, or of a single one.
+fn none_of(given: usize) -> String {
+    if given == 1 { "the file is not ".to_owned() } else { format!("none of the {given} files is ") }
+}
+
 /// Why photos or a video give no views.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewsError {
@@ -32,7 +37,7 @@ pub enum ViewsError {
     #[error("{0} photos given; give 3 to {MAX_PHOTOS}, best about 20 with the board tilted to different sides")]
     Count(usize),
     /// None of the files is a photo that can be read.
-    #[error("none of the {given} files is a photo that can be read; {name}: {reason}")]
+    #[error("{}a photo that can be read; {name}: {reason}", none_of(*given))]
     NoPhoto {
         /// Files given.
         given: usize,

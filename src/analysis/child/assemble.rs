@@ -15,6 +15,7 @@ use crate::domain::feed::playable::{StoredFrame, decoding_times, keep_decodable}
 use crate::domain::feed::record::{HEADER_BYTES, RecordBody, read_all};
 use crate::domain::feed::{FrameCodec, MAX_FRAMES, TimeBase};
 use crate::domain::problem::Problem;
+use crate::domain::text::count_of;
 use crate::media::{CodedFrame, MediaLimits, Muxer, Stream, can_start_decoding, frame_size};
 
 /// Frames between two signs of life.
@@ -170,8 +171,9 @@ fn unreadable(error: std::io::Error) -> StopReason {
 }
 
 fn nothing_playable_problem(arrived: u64) -> Problem {
+    let arrived = count_of(arrived, "frame");
     let detail = format!(
-        "{arrived} frames arrived, but none can be decoded: pictures must have the announced size, and H.264 must \
+        "{arrived} arrived, but none can be decoded: pictures must have the announced size, and H.264 must \
          begin with a key frame and repeat its parameter sets with every one"
     );
     Problem::new(Problem::NO_FRAMES, "No frame can be decoded", detail)

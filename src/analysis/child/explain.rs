@@ -7,6 +7,7 @@ use crate::analysis::empty_box::EmptyBoxError;
 use crate::analysis::scoring::ScoringError;
 use crate::analysis::self_test::SelfTestError;
 use crate::domain::problem::Problem;
+use crate::domain::text::count_of;
 use crate::media::{MediaError, MuxError, SourceError};
 use crate::vision::camera::{BoardProblem, CalibrationProblem};
 use crate::vision::segmentation::samples::MarkedRectangle;
@@ -199,10 +200,10 @@ pub(super) fn never_seen(quality: &Quality, is_bare: bool) -> Problem {
         format!("`{}`: {}", t.tool, reason.replace('_', " "))
     };
     let tools: Vec<String> = quality.tools.iter().map(tool).collect();
-    let (frames, reasons) = (quality.frames, tools.join(", "));
+    let (frames, reasons) = (count_of(quality.frames, "frame"), tools.join(", "));
     if is_bare {
         let detail = format!(
-            "no tool was found on any of {frames} frames ({reasons}). Look at the recording: are the shafts in the \
+            "no tool was found on any of {frames} ({reasons}). Look at the recording: are the shafts in the \
              picture, and do they differ from the floor of the box in brightness or colour? If so, mark the shafts \
              again on frames of this recording, check their diameters, and score it again. If not, record with a floor \
              of another colour"
@@ -210,7 +211,7 @@ pub(super) fn never_seen(quality: &Quality, is_bare: bool) -> Problem {
         return Problem::new("no-shaft-seen", "No shaft was found", detail);
     }
     let detail = format!(
-        "no tool was measured on any of {frames} frames ({reasons}); mark the tape, or the bare shaft, again on a \
+        "no tool was measured on any of {frames} ({reasons}); mark the tape, or the bare shaft, again on a \
          frame of this recording, in its light"
     );
     Problem::new("no-tool-seen", "No tool was seen", detail)
@@ -218,7 +219,8 @@ pub(super) fn never_seen(quality: &Quality, is_bare: bool) -> Problem {
 
 /// A rectangle is on a frame beyond the end of the clip.
 pub(super) fn mark_beyond_the_end(frame: u64, frames: u64) -> Problem {
-    let detail = format!("a rectangle is on frame {frame}, but the clip has only {frames} frames, counted from 0");
+    let detail =
+        format!("a rectangle is on frame {frame}, but the clip has only {}, counted from 0", count_of(frames, "frame"));
     Problem::new("mark-beyond-the-end", "A rectangle is on a frame beyond the end", detail)
 }
 

@@ -7,6 +7,7 @@ use anyhow::{Context, anyhow};
 
 use super::super::CommandFailure;
 use super::{DataFolder, LOST_FILES, print_lost};
+use crate::domain::text::count_of;
 use crate::settings::DATABASE_FILE;
 use crate::shutdown::Shutdown;
 use crate::time::SystemClock;
@@ -31,7 +32,7 @@ pub async fn run(folder: &DataFolder, args: &BackupArgs) -> Result<(), CommandFa
     };
     let shown = args.to.display();
     let state = if missing.is_empty() { "complete" } else { "with missing files" };
-    println!("backup {state}: `{shown}` holds the database and {files} files, all verified");
+    println!("backup {state}: `{shown}` holds the database and {}, all verified", count_of(files, "file"));
     println!("to restore, run: trocar admin restore {shown} --data NEW-FOLDER");
     print_lost(&missing);
     if missing.is_empty() {

@@ -4,6 +4,7 @@ use anyhow::{Context, anyhow};
 
 use super::super::CommandFailure;
 use super::DataFolder;
+use crate::domain::text::count_of;
 use crate::upkeep;
 use crate::vault::VaultError;
 
@@ -18,6 +19,6 @@ pub async fn run(folder: &DataFolder) -> Result<(), CommandFailure> {
         locked => locked.context("locking the data folder")?,
     };
     let deleted = upkeep::delete_orphans(&folder.store, &folder.vault).await.context("deleting files")?;
-    println!("deleted: {deleted} files that the database does not need");
+    println!("deleted: {} that the database does not need", count_of(deleted as u64, "file"));
     Ok(())
 }

@@ -7,6 +7,7 @@ use anyhow::{Context, anyhow};
 
 use super::super::CommandFailure;
 use super::print_lost;
+use crate::domain::text::count_of;
 use crate::settings::DATABASE_FILE;
 use crate::shutdown::Shutdown;
 use crate::time::{SystemClock, from_rfc3339, to_rfc3339};
@@ -55,7 +56,7 @@ pub async fn run(data: &Path, args: RestoreArgs) -> Result<(), CommandFailure> {
     for account in kept {
         println!("not deleted again: {account}");
     }
-    println!("restored: `{}` holds the database and {files} files, all verified", data.display());
+    println!("restored: `{}` holds the database and {}, all verified", data.display(), count_of(files, "file"));
     println!("erased again: {erased_again} people and recordings that were erased since the backup");
     match known_until_ms {
         Some(until_ms) => println!("erasures are known until: {}", to_rfc3339(until_ms)),

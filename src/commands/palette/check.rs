@@ -14,6 +14,7 @@ use crate::commands::table::TextTable;
 use crate::commands::track::{about, read, rectangle, tools};
 use crate::domain::files::annotations::AnnotationsFile;
 use crate::domain::palette::{ColourGrade, ColourVerdict, ConfusionRow, PaletteReport, ShaftOnFrame};
+use crate::domain::text::count_of;
 use crate::media::{MediaError, MediaLimits, Picture, VideoFile, photo};
 
 /// The result as JSON.
@@ -99,7 +100,8 @@ fn check(marked: &AnnotationsFile, annotations: &Path, video: Option<&Path>) -> 
     let last = marked.labels.iter().map(|label| label.frame).max().unwrap_or(0);
     for index in 0..=last {
         let Some(picture) = clip.next_picture().map_err(|e| about(path, e))? else {
-            let what = anyhow!("a rectangle is on frame {last}, but {} has only {index} frames", path.display());
+            let frames = count_of(index, "frame");
+            let what = anyhow!("a rectangle is on frame {last}, but {} has only {frames}", path.display());
             return Err(about(annotations, what));
         };
         let labels = marked.labels.iter().filter(|label| label.frame == index);

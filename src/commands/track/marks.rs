@@ -9,6 +9,7 @@ use super::stages::{StageClock, TrackStage};
 use super::{CommandFailure, about, open, rectangle};
 use crate::analysis::marked::group_into_strokes;
 use crate::domain::files::annotations::AnnotationsFile;
+use crate::domain::text::count_of;
 use crate::media::{MediaError, VideoFile};
 use crate::vision::frame::Frame;
 use crate::vision::segmentation::samples::ColourSamples;
@@ -65,9 +66,10 @@ impl<'a> ClipMarks<'a> {
         let mut collector = self.collector();
         for number in 0..=last {
             let Some(picture) = video.next_picture().map_err(|e| about(&self.clip, e))? else {
+                let frames = count_of(number, "frame");
                 return Err(about(
                     self.annotations,
-                    anyhow!("a rectangle is on frame {last}, but {} has only {number} frames", self.clip.display()),
+                    anyhow!("a rectangle is on frame {last}, but {} has only {frames}", self.clip.display()),
                 ));
             };
             clock.add_lap(TrackStage::DecodingMarked);

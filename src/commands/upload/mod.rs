@@ -29,6 +29,7 @@ use self::send::{Arrived, send};
 use super::progress::Meter;
 use super::table::TextTable;
 use super::{CommandFailure, print_result, restrict_new_files_to_owner};
+use crate::domain::text::count_of;
 use crate::intake::folder::{RecordedAt, RecordingMap};
 
 /// Arguments of `trocar upload`.
@@ -182,7 +183,7 @@ fn read_recordings(files: Vec<MappedFile>, plan: &mut UploadPlan, journal: &mut 
             Err(error) => plan.problems.push(format!("{}: cannot be read: {error}", file.path)),
         }
     }
-    meter.finish(&format!("read {all} recordings"));
+    meter.finish(&format!("read {}", count_of(all as u64, "recording")));
 }
 
 /// Asks the service which of the recordings it has.
@@ -292,6 +293,6 @@ async fn send_all(
     print_result(&format!("{sent} sent, {there} there already or copies, {failed} not sent\n"))?;
     match failed {
         0 => Ok(()),
-        _ => Err(CommandFailure::Failed(anyhow!("{failed} recordings were not sent, see above"))),
+        _ => Err(CommandFailure::Failed(anyhow!("not sent: {}, see above", count_of(failed as u64, "recording")))),
     }
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{ModelDefinition, ModelReport, NoLevelReasonName, Readings, SkillVerdict, fingerprint};
-use crate::domain::text::Invalid;
+use crate::domain::text::{Invalid, count_of};
 use crate::motion::features;
 use crate::statistics::skill::{NoModel, SkillDataset, train};
 
@@ -58,7 +58,8 @@ impl ModelDefinition {
     /// The model's verdict on a session with these values, which must be measured by the model's own program version.
     pub fn judge(&self, readings: &Readings, tools: usize) -> SkillVerdict {
         if tools != self.tools {
-            let detail = format!("the session has {tools} tools; the model's training sessions had {}", self.tools);
+            let tools = count_of(tools as u64, "tool");
+            let detail = format!("the session has {tools}; the model's training sessions had {}", self.tools);
             return SkillVerdict::without_level(NoLevelReasonName::OtherTools, detail);
         }
         match self.clone().model() {

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::domain::text::count_of;
+
 /// The columns that a map may have.
 const COLUMNS: [&str; 5] = ["file", "trainee", "task", "box", "recorded_at"];
 
@@ -123,8 +125,9 @@ fn row_of(head: &[String], record: &csv::StringRecord, line: u64) -> Result<Opti
         return Ok(None);
     }
     if record.len() > head.len() {
-        let (cells, columns) = (record.len(), head.len());
-        return Err(format!("line {line} has {cells} cells, but the head has {columns} columns"));
+        let cells = count_of(record.len() as u64, "cell");
+        let columns = count_of(head.len() as u64, "column");
+        return Err(format!("line {line} has {cells}, but the head has {columns}"));
     }
     let cell = |name: &str| {
         let index = head.iter().position(|column| column == name)?;
