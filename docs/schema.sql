@@ -38,7 +38,7 @@ CREATE TABLE audit (
     action  TEXT NOT NULL CHECK (length(action) BETWEEN 1 AND 32),           -- create, change, erase, retry, …
     noun    TEXT NOT NULL CHECK (length(noun) BETWEEN 1 AND 32),             -- trainee, person, session, …
     subject TEXT NOT NULL CHECK (length(subject) BETWEEN 1 AND 64)           -- the id of what was changed
-, address TEXT CHECK (length(address) BETWEEN 2 AND 45)) STRICT;
+, address TEXT CHECK (length(address) BETWEEN 2 AND 45), attempt INTEGER CHECK (attempt >= 1)) STRICT;
 
 CREATE TABLE blob (
     hash          TEXT PRIMARY KEY CHECK (length(hash) = 64),                -- SHA-256 of the bytes, hexadecimal
@@ -1111,6 +1111,11 @@ CREATE TRIGGER exam_ends_once BEFORE UPDATE OF state, result, ended_at_ms ON exa
     SELECT RAISE(ABORT, 'an exam that has ended never changes');
 END;
 
+CREATE TRIGGER exam_is_erased_with_the_person BEFORE DELETE ON exam
+WHEN EXISTS (SELECT 1 FROM trainee WHERE trainee.id = OLD.trainee_id) BEGIN
+    SELECT RAISE(ABORT, 'an exam is erased only with the person');
+END;
+
 CREATE TRIGGER exam_is_started_once BEFORE UPDATE OF identity, examiner, handedness, started_at_ms ON exam
 WHEN OLD.state <> 'planned' BEGIN
     SELECT RAISE(ABORT, 'what was fixed at the start of an exam never changes');
@@ -1128,6 +1133,28 @@ END;
 CREATE TRIGGER exam_attempt_is_judged_once BEFORE UPDATE OF outcome, cause, figures, pipeline ON exam_attempt
 WHEN OLD.outcome IS NOT NULL BEGIN
     SELECT RAISE(ABORT, 'an attempt is judged once');
+END;
+
+CREATE TRIGGER exam_attempt_is_numbered_once BEFORE UPDATE OF exam_id, recording_id, number, began_at_ms ON exam_attempt
+WHEN OLD.number IS NOT NULL
+     AND (OLD.exam_id, OLD.recording_id, OLD.number, OLD.began_at_ms)
+         IS NOT (NEW.exam_id, NEW.recording_id, NEW.number, NEW.began_at_ms) BEGIN
+    SELECT RAISE(ABORT, 'the number of an attempt never changes');
+END;
+
+CREATE TRIGGER exam_attempt_is_voided_before_the_end BEFORE UPDATE OF void_reason, voided_at_ms ON exam_attempt
+WHEN OLD.voided_at_ms IS NOT NULL OR (SELECT state FROM exam WHERE exam.id = OLD.exam_id) <> 'running' BEGIN
+    SELECT RAISE(ABORT, 'an attempt is voided once, before the end of the exam');
+END;
+
+CREATE TRIGGER exam_attempt_keeps_its_session BEFORE UPDATE OF session_id ON exam_attempt
+WHEN OLD.session_id <> NEW.session_id BEGIN
+    SELECT RAISE(ABORT, 'the session of an attempt never changes');
+END;
+
+CREATE TRIGGER exam_attempt_stays BEFORE DELETE ON exam_attempt
+WHEN OLD.number IS NOT NULL AND EXISTS (SELECT 1 FROM exam WHERE exam.id = OLD.exam_id) BEGIN
+    SELECT RAISE(ABORT, 'an attempt is erased only with its exam');
 END;
 
 CREATE TRIGGER feed_erased AFTER DELETE ON feed BEGIN
@@ -1332,6 +1359,7 @@ CREATE VIEW session_outcome (session_id, verdict, outcome) AS
                WHEN session.box_question = 'other_box' THEN 'other_box'
                WHEN result.verdict = 'refused' THEN 'refused'
                WHEN EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id) THEN 'done'
+               WHEN EXISTS (SELECT 1 FROM voided_session WHERE voided_session.session_id = session.id) THEN 'done'
                ELSE coalesce(
                    (SELECT (SELECT CASE WHEN min(met) = 0 THEN 'missed'
                                         WHEN count(*) > 0 AND count(met) = count(*) THEN 'passed'
@@ -1384,6 +1412,7 @@ CREATE VIEW session_record AS
            session.recorded_at_ms, session.created_at_ms,
            job.id AS job_id, job.state AS job_state, job.progress AS job_progress, job.problem AS job_problem,
            EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id) AS is_set_aside,
+           EXISTS (SELECT 1 FROM voided_session WHERE voided_session.session_id = session.id) AS is_voided,
            session.box_question,
            EXISTS (SELECT 1 FROM calibration WHERE calibration.box_id = session.box_id) AS box_has_camera,
            EXISTS (SELECT 1 FROM palette WHERE palette.box_id = session.box_id) AS box_has_palette
@@ -1513,3 +1542,6 @@ CREATE VIEW visible_trainee (role, subject, trainee_id) AS
     UNION ALL
     SELECT 'instructor', group_instructor.person_id, group_trainee.trainee_id
     FROM group_instructor JOIN group_trainee ON group_trainee.group_id = group_instructor.group_id;
+
+CREATE VIEW voided_session (session_id) AS
+    SELECT session_id FROM exam_attempt WHERE session_id IS NOT NULL AND voided_at_ms IS NOT NULL;

@@ -143,7 +143,7 @@ impl Certificates {
             IssueError::NotMet("the exam was not passed, or is not closed yet, so there is no certificate".to_owned())
         };
         let passed = exam.result == Some(ExamResult::Passed);
-        let (number, attempt) = exam.passing().filter(|_| passed).ok_or_else(not_passed)?;
+        let attempt = exam.passing().filter(|_| passed).ok_or_else(not_passed)?;
         let (Some(identity), Some(examiner), Some(started_at_ms), Some(session)) =
             (exam.identity, &exam.examiner, exam.started_at_ms, attempt.session_id)
         else {
@@ -156,9 +156,10 @@ impl Certificates {
             identity,
             attempts_used: exam.used(),
             attempts_allowed: exam.attempts,
+            voided: exam.voided(),
         };
         let shown = CertifiedSession {
-            number,
+            number: attempt.number as usize,
             recorded_on: words::day_of(attempt.began_at_ms),
             day_known: true,
             supervision: session.supervision,

@@ -189,15 +189,34 @@ fn how_examined(content: &CertificateContent, exam: &CertifiedExam) -> String {
     let (on, set, version) = (day(language, &exam.held_on), day(language, &standard.set_on), standard.version);
     let CertifiedExam { examiner, attempts_used: used, attempts_allowed: allowed, .. } = exam;
     let identity = identity(language, exam.identity);
+    let voided = voided(language, &exam.voided);
     match language {
         En => format!(
-            "Exam on {on}. Examiner: {examiner}. Identity confirmed by {identity}. Attempts used: {used} of {allowed}. \
+            "Exam on {on}. Examiner: {examiner}. Identity confirmed by {identity}. Attempts used: {used} of {allowed}{voided}. \
              Standard: version {version} of {set}, fixed before the exam."
         ),
         De => format!(
             "Prüfung am {on}. Prüfer/in: {examiner}. Identität bestätigt durch {identity}. Genutzte Versuche: {used} von \
-             {allowed}. Standard: Version {version} vom {set}, vor der Prüfung festgelegt."
+             {allowed}{voided}. Standard: Version {version} vom {set}, vor der Prüfung festgelegt."
         ),
+    }
+}
+
+/// The attempts that were declared void: continues `Attempts used: 1 of 1`.
+fn voided(language: CertificateLanguage, numbers: &[u32]) -> String {
+    let list = |and: &str| {
+        let numbers: Vec<String> = numbers.iter().map(u32::to_string).collect();
+        match numbers.as_slice() {
+            [first @ .., last] if !first.is_empty() => format!("{} {and} {last}", first.join(", ")),
+            one => one.concat(),
+        }
+    };
+    match (language, numbers.len()) {
+        (_, 0) => String::new(),
+        (En, 1) => format!(" (attempt {} was declared void after a technical failure)", list("and")),
+        (En, _) => format!(" (attempts {} were declared void after technical failures)", list("and")),
+        (De, 1) => format!(" (Versuch {} wurde nach einem technischen Fehler gestrichen)", list("und")),
+        (De, _) => format!(" (die Versuche {} wurden nach technischen Fehlern gestrichen)", list("und")),
     }
 }
 
@@ -365,6 +384,13 @@ mod tests {
             assert!(pages.contains(&line), "static/texts/de.js has no line {line}");
         }
         assert_eq!(GERMAN_TITLES.len(), FEATURES.len());
+    }
+
+    #[test]
+    fn voided_attempts_are_listed_by_their_numbers() {
+        assert_eq!(voided(En, &[]), "");
+        assert_eq!(voided(En, &[1]), " (attempt 1 was declared void after a technical failure)");
+        assert_eq!(voided(De, &[1, 2, 4]), " (die Versuche 1, 2 und 4 wurden nach technischen Fehlern gestrichen)");
     }
 
     #[test]

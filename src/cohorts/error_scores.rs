@@ -43,6 +43,7 @@ pub struct ErrorScoreAnswer {
 /// What decides a session's score beside its sheets and the formula.
 struct SessionToScore {
     is_set_aside: bool,
+    is_voided: bool,
     box_question: Option<BoxQuestion>,
     duration: Result<MeasuredTime, NoErrorScore>,
 }
@@ -122,8 +123,8 @@ impl Cohorts {
                 result.as_ref().map_or(Err(NoErrorScore::NotScored), measured_time)
             }
         };
-        let (is_set_aside, box_question) = (session.is_set_aside, session.box_question);
-        Ok(score_of(&SessionToScore { is_set_aside, box_question, duration }, sheets, formula))
+        let SessionRecord { is_set_aside, is_voided, box_question, .. } = *session;
+        Ok(score_of(&SessionToScore { is_set_aside, is_voided, box_question, duration }, sheets, formula))
     }
 
     /// What the error scores of these sessions need, from the sheets that the caller may see. Sheets are read only if the
@@ -165,6 +166,9 @@ fn score_of(
 ) -> Result<ErrorScore, NoErrorScore> {
     if session.is_set_aside {
         return Err(NoErrorScore::SetAside);
+    }
+    if session.is_voided {
+        return Err(NoErrorScore::Voided);
     }
     if session.box_question.is_some_and(|question| !BoxQuestion::counts(question)) {
         return Err(NoErrorScore::BoxAsked);
@@ -217,7 +221,8 @@ fn practised(session: &PracticeSession) -> SessionToScore {
             }
         },
     };
-    SessionToScore { is_set_aside: session.is_set_aside, box_question: session.box_question, duration }
+    let PracticeSession { is_set_aside, is_voided, box_question, .. } = *session;
+    SessionToScore { is_set_aside, is_voided, box_question, duration }
 }
 
 fn to_score(sheet: &ErrorSheetRecord) -> SheetToScore {

@@ -331,6 +331,7 @@ fn in_order_of_arrival<'p>(sessions: &[NumberedSession<'p>]) -> Vec<NumberedSess
 
 fn set_aside_reason(session: &PracticeSession, pipeline: Option<&str>) -> Option<SetAside> {
     match session.box_question {
+        _ if session.is_voided => return Some(SetAside::Voided),
         Some(BoxQuestion::Asked) => return Some(SetAside::BoxAsked),
         Some(BoxQuestion::OtherBox) => return Some(SetAside::OtherBox),
         _ if session.is_uncounted => return Some(SetAside::ByHand),

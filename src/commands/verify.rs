@@ -14,7 +14,7 @@ use super::upload::client::{RequestError, ServiceClient};
 use super::{CommandFailure, admin, print_result};
 use crate::domain::certificate::key::CertificatePublicKey;
 use crate::domain::certificate::signed_file::{self, MAX_FILE_BYTES, SignatureVerdict};
-use crate::domain::certificate::{CertificateCode, CertificateContent, CertificateState};
+use crate::domain::certificate::{CertificateCode, CertificateContent, CertificateState, CertifiedExam};
 use crate::domain::exam::IdentityCheck;
 use crate::settings::{Flags, Settings};
 use crate::time::Day;
@@ -192,6 +192,17 @@ fn identity(check: IdentityCheck) -> &'static str {
     }
 }
 
+/// The attempts of an exam: used, allowed, declared void.
+fn attempts(exam: &CertifiedExam) -> String {
+    let used = format!("{} of {} used", exam.attempts_used, exam.attempts_allowed);
+    let voided: Vec<String> = exam.voided.iter().map(u32::to_string).collect();
+    match voided.as_slice() {
+        [] => used,
+        [one] => format!("{used}, attempt {one} declared void"),
+        more => format!("{used}, attempts {} declared void", more.join(", ")),
+    }
+}
+
 /// What a certificate says, one fact on a line.
 fn facts(content: &CertificateContent) -> String {
     let CertificateContent { trainee, task, standard, earned_on, issuer, issued_on, centre, address, key, .. } =
@@ -206,7 +217,7 @@ fn facts(content: &CertificateContent) -> String {
         lines.extend([
             ("Exam", format!("held on {} by {}", exam.held_on, exam.examiner)),
             ("Identity", identity(exam.identity).to_owned()),
-            ("Attempts", format!("{} of {} used", exam.attempts_used, exam.attempts_allowed)),
+            ("Attempts", attempts(exam)),
         ]);
     }
     lines.extend(standard.limits.iter().map(|limit| ("Limit", limit.clone())));

@@ -77,6 +77,17 @@ named! {
     }
 }
 
+impl AttemptOutcome {
+    /// True if these figures can have this outcome: a pass met all limits, and a miss missed at least one.
+    pub fn follows_from(self, figures: &[JudgedFigure]) -> bool {
+        match self {
+            Self::Passed => !figures.is_empty() && figures.iter().all(|figure| figure.judgement == Judgement::Pass),
+            Self::NotPassed => figures.iter().any(|figure| figure.judgement == Judgement::Fail),
+            Self::Undecided | Self::Refused | Self::Failed => true,
+        }
+    }
+}
+
 named! {
     /// Why an attempt is undecided.
     AttemptCause: "cause" {
@@ -447,6 +458,10 @@ mod tests {
             let judged = judged(&[row(value.clone(), 2.0)], |_| {});
             assert_eq!((judged.outcome, judged.cause), (outcome, cause), "{value:?}");
             assert_eq!(judged.figures[0].value, value.ok());
+            assert!(judged.outcome.follows_from(&judged.figures));
+            let is_undecided = outcome == AttemptOutcome::Undecided;
+            assert_eq!(AttemptOutcome::Passed.follows_from(&judged.figures), outcome == AttemptOutcome::Passed);
+            assert!(!is_undecided || !AttemptOutcome::NotPassed.follows_from(&judged.figures));
         }
         let nothing = judged(&[], |_| {});
         assert_eq!((nothing.outcome, nothing.cause), (AttemptOutcome::Undecided, Some(AttemptCause::NotMeasured)));

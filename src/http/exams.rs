@@ -42,7 +42,7 @@ pub struct ExamResponse {
     standard_version: i64,
     /// How many attempts the candidate has.
     attempts_allowed: u32,
-    /// How many of them are used.
+    /// How many of them are used. Voided attempts are not: the candidate has them back, and they keep their numbers.
     attempts_used: u32,
     /// A note of the day on which it is to be held; nothing enforces it. `null`: none.
     day: Option<Day>,
@@ -72,7 +72,7 @@ pub struct ExamResponse {
 /// An attempt of an exam.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct AttemptResponse {
-    /// 1, 2, … in the order of beginning.
+    /// 1, 2, … in the order of beginning, for ever: a voided attempt keeps its number.
     number: u32,
     began_at: Time,
     /// `sealed`, for the candidate: it was recorded; the rest follows when the exam is closed.
@@ -81,7 +81,9 @@ pub struct AttemptResponse {
     session: Option<SessionId>,
     /// What it was judged as; `null` before that, and while it is sealed.
     outcome: Option<AttemptOutcome>,
-    /// Why it is undecided; `null` otherwise.
+    /// Why it is undecided; `null` otherwise. Without a pass in another attempt, `error_bar`, `not_measured`, `other_box` and
+    /// `set_up` leave the exam undecided. If the reason was technical, such as a camera that was covered, an administrator
+    /// can void the attempt while the exam is running.
     cause: Option<AttemptCause>,
     /// Version of the measurement that was judged.
     pipeline: Option<String>,
@@ -91,7 +93,7 @@ pub struct AttemptResponse {
     /// What the examiner says of it; `null`: not said yet, and while it is sealed. One that was broken off is not passed,
     /// also if its recording met the standard.
     completion: Option<AttemptCompletion>,
-    /// When it was voided after a technical failure; `null`: it counts.
+    /// When it was declared void after a technical failure; `null`: it counts.
     voided_at: Option<Time>,
     /// Name of the person who voided it; `null` for trainees.
     #[schema(value_type = Option<String>)]
@@ -112,6 +114,8 @@ pub struct ExamDetails {
     has_agent: bool,
     /// The recordings that were ordered and have not begun, the newest first; empty for trainees, and once the exam has ended.
     waiting: Vec<WaitingAttemptResponse>,
+    /// The result if the exam were closed now; `null` if it cannot be closed yet, for trainees, and unless it is running.
+    result_if_closed: Option<ExamResult>,
 }
 
 /// A recording that was ordered for an exam and has not begun.
@@ -362,8 +366,10 @@ pub async fn void(
 
 /// Close an exam
 ///
-/// Each attempt must be judged, and called completed or broken off. From then on the candidate sees result and figures, and nothing of the exam changes any
-/// more. Attempts that are left are lost. A token does not suffice.
+/// Each attempt must be judged, and called completed or broken off; `result_if_closed` of the exam says what the result would
+/// be. From then on the candidate sees result and figures, and nothing of the exam changes any more. Attempts that are left
+/// are lost. An exam that cannot be decided is closed without a result for or against the candidate: plan another one. A
+/// token does not suffice.
 #[utoipa::path(post, path = "/exams/{id}/close", tag = "exams", params(("id" = String, Path, description = "id")),
     responses((status = OK, body = ExamDetails)))]
 pub async fn close(
@@ -416,6 +422,7 @@ impl App {
             ),
             false => (None, Vec::new()),
         };
+        let result_if_closed = exam.result_if_closed().filter(|_| scope.is_staff());
         let recorded = self.recorded_by_box(exam.box_id);
         let shown = |attempt: WaitingAttempt| WaitingAttemptResponse {
             ordered_at: Time(attempt.ordered_at_ms),
@@ -424,7 +431,7 @@ impl App {
         };
         let waiting = waiting.into_iter().map(shown).collect();
         let has_agent = scope.is_staff() && self.box_agents.view(exam.box_id).is_online;
-        Ok(Json(ExamDetails { exam: exam.into(), box_check, has_agent, waiting }))
+        Ok(Json(ExamDetails { exam: exam.into(), box_check, has_agent, waiting, result_if_closed }))
     }
 
     /// The recording that the agent of a box reports.

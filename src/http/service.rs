@@ -166,6 +166,8 @@ pub struct AuditChange {
     /// Id of the changed resource, or a number: of the files in a backup, of the tokens that a new password, a new role
     /// or the end of an account withdrew. The log stores no names, so erasing a person leaves no name behind.
     subject: String,
+    /// The number of the attempt, for a change of an attempt of an exam; `null` otherwise.
+    attempt: Option<u32>,
     /// Present name of the resource; for a session, the name of its trainee. `null` if it has no name or was deleted.
     called: Option<String>,
     /// The reason that the person gave for an edit or a move of a session; `null` otherwise, and if the session was erased.
@@ -223,8 +225,10 @@ pub async fn audit(
 }
 
 impl From<AuditEntry> for AuditChange {
-    fn from(AuditEntry { id, at_ms, actor, action, noun, subject, who, called, why, address }: AuditEntry) -> Self {
+    fn from(
+        AuditEntry { id, at_ms, actor, action, noun, subject, attempt, who, called, why, address }: AuditEntry,
+    ) -> Self {
         let by = actor.split(':').next().unwrap_or_default().to_owned();
-        Self { id, at: Time(at_ms), by, who, action, noun, subject, called, why, address }
+        Self { id, at: Time(at_ms), by, who, action, noun, subject, attempt, called, why, address }
     }
 }

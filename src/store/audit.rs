@@ -8,7 +8,7 @@ use super::page::{Page, PageRequest};
 use super::visibility::require_administrator;
 use super::{Scope, Store};
 use crate::domain::text::Key;
-use crate::ids::TraineeId;
+use crate::ids::{ExamId, TraineeId};
 
 /// Action and noun of a backup's entry; its subject is the number of files in the backup.
 const BACKUP: (&str, &str) = ("create", "backup");
@@ -34,6 +34,8 @@ pub struct AuditEntry {
     pub noun: String,
     /// Its id; for `backup` and `tokens`, a number.
     pub subject: String,
+    /// The number of the attempt, for a change of an attempt of an exam; `None` otherwise.
+    pub attempt: Option<u32>,
     /// Name of the person who made the change; `None` if a program made it, or the account has been deleted.
     pub who: Option<String>,
     /// Name of the changed thing or of the person it belongs to; `None` if it no longer exists or has no name.
@@ -56,7 +58,7 @@ pub struct Backup {
 }
 
 const SELECT_ENTRIES: &str = "
-    SELECT audit.id, at_ms, actor, action, noun, subject, address, person.name AS who, CASE noun
+    SELECT audit.id, at_ms, actor, action, noun, subject, attempt, address, person.name AS who, CASE noun
         WHEN 'trainee' THEN (SELECT name FROM trainee WHERE id = subject)
         WHEN 'password_link' THEN (SELECT name FROM person WHERE id = subject)
         WHEN 'identity' THEN (SELECT name FROM person WHERE id = subject)
@@ -108,7 +110,8 @@ const SELECT_ENTRIES: &str = "
             (SELECT separated_why FROM record_merge
              WHERE subject IN (kept_trainee_id, kept_box_id) AND separated_at_ms = at_ms LIMIT 1)
         WHEN noun = 'exam' AND action = 'void attempt' THEN
-            (SELECT void_reason FROM exam_attempt WHERE exam_id = subject AND voided_at_ms = at_ms LIMIT 1)
+            (SELECT void_reason FROM exam_attempt
+             WHERE exam_id = subject AND voided_at_ms = at_ms AND number = coalesce(audit.attempt, number) LIMIT 1)
         WHEN noun = 'session' THEN
             coalesce((SELECT why FROM session_move
                       WHERE action = 'move' AND session_id = subject AND created_at_ms = at_ms),
@@ -124,7 +127,7 @@ const SELECT_ENTRIES: &str = "
 /// Selects at most `$2` entries about trainee `$1`, their account and their sessions, or made by them. The addresses of
 /// other people are left out, and so are the names of other trainees: a session may have been moved from them.
 const SELECT_ENTRIES_ABOUT: &str = "
-    SELECT audit.id, at_ms, actor, action, noun, subject, CAST(NULL AS TEXT) AS called, CAST(NULL AS TEXT) AS why,
+    SELECT audit.id, at_ms, actor, action, noun, subject, attempt, CAST(NULL AS TEXT) AS called, CAST(NULL AS TEXT) AS why,
            CASE WHEN person.trainee_id IS NULL OR person.trainee_id = $1 THEN person.name END AS who,
            CASE WHEN person.trainee_id = $1 THEN address END AS address
     FROM audit
@@ -142,8 +145,8 @@ const SELECT_LAST_BACKUP: &str = "
 
 /// A person without an account leaves no address: they have deleted it with this change, or while the request waited.
 const INSERT_ENTRY: &str = "
-    INSERT INTO audit (at_ms, actor, action, noun, subject, address)
-    VALUES ($1, $2, $3, $4, $5,
+    INSERT INTO audit (at_ms, actor, action, noun, subject, attempt, address)
+    VALUES ($1, $2, $3, $4, $5, $7,
             CASE WHEN $2 NOT LIKE 'person:%' OR EXISTS (SELECT 1 FROM person WHERE id = substr($2, 8)) THEN $6 END)";
 
 impl AuditStore<'_> {
@@ -196,16 +199,38 @@ pub(super) async fn note(
     tx: &mut SqliteConnection,
     scope: &Scope,
     now_ms: i64,
-    (action, noun): (&'static str, &'static str),
+    change: (&'static str, &'static str),
     subject: impl ToString,
+) -> StoreResult<()> {
+    insert(tx, scope, now_ms, change, (subject.to_string(), None)).await
+}
+
+/// Records a change of an attempt of an exam, with the number of the attempt.
+pub(super) async fn note_attempt(
+    tx: &mut SqliteConnection,
+    scope: &Scope,
+    now_ms: i64,
+    action: &'static str,
+    (exam, number): (ExamId, u32),
+) -> StoreResult<()> {
+    insert(tx, scope, now_ms, (action, "exam"), (exam.to_string(), Some(number))).await
+}
+
+async fn insert(
+    tx: &mut SqliteConnection,
+    scope: &Scope,
+    now_ms: i64,
+    (action, noun): (&'static str, &'static str),
+    (subject, attempt): (String, Option<u32>),
 ) -> StoreResult<()> {
     sqlx::query(INSERT_ENTRY)
         .bind(now_ms)
         .bind(scope.actor().to_string())
         .bind(action)
         .bind(noun)
-        .bind(subject.to_string())
+        .bind(subject)
         .bind(scope.address().map(|address| address.to_string()))
+        .bind(attempt)
         .execute(tx)
         .await?;
     Ok(())

@@ -80,6 +80,8 @@ named! {
     SetAside: "reason" {
         /// A user has set it aside; `GET /sessions/{id}/edits` says who, when and why.
         ByHand = "by_hand",
+        /// It is an attempt of an exam that was declared void.
+        Voided = "voided",
         /// It may show another box: a person has to say.
         BoxAsked = "box_asked",
         /// A person said that it shows another box.

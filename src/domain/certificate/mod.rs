@@ -198,6 +198,9 @@ pub struct CertifiedExam {
     pub attempts_used: u32,
     /// How many attempts the candidate had.
     pub attempts_allowed: u32,
+    /// Numbers of the attempts that were declared void after a technical failure; absent: none. They are not used.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub voided: Vec<u32>,
 }
 
 /// The standard of a certificate.
@@ -216,7 +219,8 @@ pub struct CertifiedStandard {
 /// A session of a certificate.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct CertifiedSession {
-    /// Its number among the person's sessions of the task; of an exam, the number of the attempt.
+    /// Its number among the person's sessions of the task; of an exam, the number of the attempt in the order of
+    /// beginning, voided ones included.
     pub number: usize,
     /// The day of its recording (UTC).
     pub recorded_on: String,

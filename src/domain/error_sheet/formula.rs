@@ -43,6 +43,8 @@ named! {
         NotValidYet = "not_valid_yet",
         /// The session was set aside, and counts nowhere.
         SetAside = "set_aside",
+        /// The session is an attempt of an exam that was declared void, and counts nowhere.
+        Voided = "voided",
         /// The session may show another box.
         BoxAsked = "box_asked",
         /// No rater has finished a sheet: the errors are unknown, not zero.
@@ -73,6 +75,7 @@ impl NoErrorScore {
             Self::NoFormula => "The task has no score formula.",
             Self::NotValidYet => "No version of the task's score formula is valid on the day of this session.",
             Self::SetAside => "The session was set aside, so it counts nowhere.",
+            Self::Voided => "The session is an attempt of an exam that was declared void, so it counts nowhere.",
             Self::BoxAsked => "The session may show another box: staff have to say whether it does.",
             Self::NoSheet => "Not rated: no error sheet is finished. That is not the same as no errors.",
             Self::Hidden => "The sheets of others are shown after you have finished your own.",

@@ -72,6 +72,8 @@ pub struct SessionResponse {
     early_end: Option<EarlyEnd>,
     /// True if the session was set aside and counts nowhere. `GET /sessions/{id}/edits` gives person, time and reason.
     set_aside: bool,
+    /// True if it is an attempt of an exam that was declared void: it counts nowhere, and no standard judges it.
+    voided: bool,
     /// `asked`: the recording may show another box; until staff say whether it does, the session counts nowhere and its
     /// lengths are not promised. Answer with an edit `this_box` or `other_box`. `this_box`, `other_box`: the answer.
     /// `null`: nothing speaks against the box.
@@ -348,6 +350,7 @@ impl SessionResponse {
             exam: None,
             early_end: None,
             set_aside: session.is_set_aside,
+            voided: session.is_voided,
             box_question: session.box_question,
             video,
             tools: Vec::new(),
@@ -435,7 +438,7 @@ impl SessionResponse {
                 })
             };
             let is_refused = self.quality.as_ref().is_some_and(|quality| quality["verdict"] == "refused");
-            self.judgement = (!self.set_aside && !is_refused).then(|| definition.judge_all(by_target));
+            self.judgement = (!self.set_aside && !self.voided && !is_refused).then(|| definition.judge_all(by_target));
         }
         self
     }

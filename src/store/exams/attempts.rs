@@ -49,7 +49,7 @@ const BEGIN_ATTEMPT: &str = "
     SET session_id = $2, began_at_ms = coalesce(began_at_ms, $3),
         number = coalesce(number, (SELECT coalesce(max(other.number), 0) + 1 FROM exam_attempt AS other
                                    WHERE other.exam_id = exam_attempt.exam_id))
-    WHERE recording_id = $1";
+    WHERE recording_id = $1 RETURNING number";
 
 /// An attempt of a running exam that is scored and not judged yet.
 const SELECT_SCORED: &str = "
@@ -215,7 +215,7 @@ impl ExamStore<'_> {
                     AttemptCompletion::Completed => "attempt completed",
                     AttemptCompletion::BrokenOff => "attempt broken off",
                 };
-                note(tx, &by, now_ms, (action, "exam"), id).await
+                note_attempt(tx, &by, now_ms, action, (id, number)).await
             })
             .await?;
         self.get(scope, id).await
@@ -236,7 +236,7 @@ impl ExamStore<'_> {
                 if void.execute(&mut *tx).await?.rows_affected() == 0 {
                     return Err(StoreError::refused("the attempt is voided already"));
                 }
-                note(tx, &by, now_ms, ("void attempt", "exam"), id).await
+                note_attempt(tx, &by, now_ms, "void attempt", (id, number)).await
             })
             .await?;
         self.get(scope, id).await
@@ -293,8 +293,9 @@ pub(in crate::store) async fn bind_session(
     (attempt, recording, session): (AttemptBeginning, FeedId, SessionId),
     now_ms: i64,
 ) -> StoreResult<()> {
-    sqlx::query(BEGIN_ATTEMPT).bind(recording).bind(session).bind(now_ms).execute(&mut *tx).await?;
-    note(tx, by, now_ms, ("begin attempt", "exam"), attempt.exam).await
+    let begin = sqlx::query_scalar(BEGIN_ATTEMPT).bind(recording).bind(session).bind(now_ms);
+    let number: u32 = begin.fetch_one(&mut *tx).await?;
+    note_attempt(tx, by, now_ms, "begin attempt", (attempt.exam, number)).await
 }
 
 /// Judges a scored session if it is an attempt that was not judged yet, in the transaction that stores its first result.

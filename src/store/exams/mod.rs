@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use sqlx::sqlite::SqliteConnection;
 use sqlx::types::Json;
 
-use super::audit::note;
+use super::audit::{note, note_attempt};
 use super::consents::require_consent;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::page::{Page, PageRequest};
@@ -208,11 +208,21 @@ impl ExamRecord {
         u32::try_from(self.begun.iter().filter(|attempt| attempt.counts()).count()).unwrap_or(u32::MAX)
     }
 
-    /// The first attempt that passed, with its number among those that count: voided ones are none of the candidate's.
-    pub fn passing(&self) -> Option<(usize, &AttemptRecord)> {
-        let counting = (1..).zip(self.begun.iter().filter(|attempt| attempt.counts()));
-        let mut counting = counting.filter(|(_, attempt)| attempt.counted().is_some_and(CountedAttempt::is_passed));
-        counting.next()
+    /// The numbers of the attempts that were voided. They keep their numbers.
+    pub fn voided(&self) -> Vec<u32> {
+        self.begun.iter().filter(|attempt| !attempt.counts()).map(|attempt| attempt.number).collect()
+    }
+
+    /// The first attempt that counts and passed.
+    pub fn passing(&self) -> Option<&AttemptRecord> {
+        let mut counting = self.begun.iter().filter(|attempt| attempt.counts());
+        counting.find(|attempt| attempt.counted().is_some_and(CountedAttempt::is_passed))
+    }
+
+    /// The result if a running exam were closed now; `None` if it cannot be closed yet, and for one that does not run.
+    pub fn result_if_closed(&self) -> Option<ExamResult> {
+        let counted = counted_attempts(&self.begun).ok().filter(|_| self.state == ExamState::Running)?;
+        result_of(&counted)
     }
 }
 

@@ -114,6 +114,8 @@ pub struct SessionRecord {
     pub job_problem: Option<Problem>,
     /// True if staff set the session aside, so that it counts nowhere.
     pub is_set_aside: bool,
+    /// True if it is an attempt of an exam that was voided, so that it counts nowhere.
+    pub is_voided: bool,
     /// Whether it shows its box, if that was asked; a session that is asked about counts nowhere.
     pub box_question: Option<BoxQuestion>,
     /// Does its box have a camera?

@@ -60,6 +60,8 @@ pub struct PracticeSession {
     pub is_uncounted: bool,
     /// True if staff set it aside.
     pub is_set_aside: bool,
+    /// True if it is an attempt of an exam that was voided.
+    pub is_voided: bool,
     /// Whether it shows its box, if that was asked.
     pub box_question: Option<BoxQuestion>,
     /// Its latest result.
@@ -106,6 +108,7 @@ struct PracticeRow {
     is_whole: bool,
     counts: bool,
     is_set_aside: bool,
+    is_voided: bool,
     box_question: Option<BoxQuestion>,
     job_state: Option<JobState>,
     result_id: Option<ResultId>,
@@ -139,6 +142,7 @@ pub(in crate::store) const SELECT_PRACTICE: &str = "
            EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id) AS is_set_aside,
            (SELECT left_tool FROM result WHERE result.id = session.result_id) AS left_tool,
            (SELECT right_tool FROM result WHERE result.id = session.result_id) AS right_tool,
+           EXISTS (SELECT 1 FROM voided_session WHERE voided_session.session_id = session.id) AS is_voided,
            (SELECT count(*) FROM session WHERE trainee_id = $3 AND task_id = $4
             AND id NOT IN (SELECT session_id FROM sealed_session)) AS in_all
     FROM practised_session AS session
@@ -164,7 +168,8 @@ pub(in crate::store) const SELECT_PRACTICE_OF_MANY: &str = "
            (SELECT stored.created_at_ms FROM session AS stored WHERE stored.id = session.id) AS created_at_ms,
            EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id) AS is_set_aside,
            (SELECT left_tool FROM result WHERE result.id = session.result_id) AS left_tool,
-           (SELECT right_tool FROM result WHERE result.id = session.result_id) AS right_tool, pair.in_all
+           (SELECT right_tool FROM result WHERE result.id = session.result_id) AS right_tool,
+           EXISTS (SELECT 1 FROM voided_session WHERE voided_session.session_id = session.id) AS is_voided, pair.in_all
     FROM pair
     CROSS JOIN practised_session AS session ON session.id IN
         (SELECT recent.id FROM session AS recent WHERE recent.trainee_id = pair.trainee AND recent.task_id = pair.task
@@ -329,6 +334,7 @@ impl PracticeRow {
             status: if self.is_whole { self.job_state.into() } else { SessionStatus::Receiving },
             is_uncounted: !self.counts,
             is_set_aside: self.is_set_aside,
+            is_voided: self.is_voided,
             box_question: self.box_question,
             measured: self.result_id.and_then(|result| measured.remove(&result)).unwrap_or_default(),
             result: self.pipeline.map(|pipeline| PracticeResult { pipeline, calibration, refused, hands }),

@@ -22,6 +22,7 @@ mod edits;
 mod erasures;
 mod error_score_progress;
 mod error_sheets;
+mod exam_faults;
 mod exams;
 mod exchange;
 mod feedback;

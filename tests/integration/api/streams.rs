@@ -10,13 +10,13 @@ use super::centre::{Centre, PASSWORD, recording, session, set_members};
 use crate::support::{Client, let_time_pass, problem, read, soon};
 
 /// The events of one client, one at a time.
-struct Watcher {
+pub(super) struct Watcher {
     bytes: std::pin::Pin<Box<dyn futures_util::Stream<Item = reqwest::Result<bytes::Bytes>> + Send>>,
     text: String,
 }
 
 impl Watcher {
-    async fn open(client: &Client) -> Self {
+    pub async fn open(client: &Client) -> Self {
         let answer = client.get("/api/v1/events").await;
         assert_eq!(answer.status(), StatusCode::OK);
         assert!(answer.headers()[header::CONTENT_TYPE].to_str().unwrap().starts_with("text/event-stream"));
@@ -38,6 +38,19 @@ impl Watcher {
             let more = self.bytes.next().await?.ok()?;
             self.text.push_str(std::str::from_utf8(&more).unwrap());
         }
+    }
+
+    /// All events up to the first that contains this text, with their names.
+    pub async fn until(&mut self, wanted: &str) -> String {
+        let mut heard = String::new();
+        soon(wanted, async {
+            while !heard.contains(wanted) {
+                let (name, data) = self.next().await.expect("the stream continues");
+                heard.push_str(&format!("{name} {data}\n"));
+            }
+        })
+        .await;
+        heard
     }
 
     /// Asserts that the stream ends now, and not with a later check of its sign-in.
