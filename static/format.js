@@ -50,10 +50,18 @@ export const percent = value => percentFormat.format(value);
 /** Empty for `1`, the unit of shares, counts and ratios, and where nothing was measured. */
 export const unit = name => (name === '1' || !name ? '' : name);
 
-export const dateTime = iso => (iso ? dateTimeFormat.format(new Date(iso)) : '–');
-export const date = iso => (iso ? dateFormat.format(new Date(iso)) : '–');
+/** No line breaks within a date: a list of dates would be read wrongly. */
+const unbroken = text => text.replaceAll(' ', '\u00a0');
+
+/** A line may break between date and time. */
+export function dateTime(iso) {
+  if (!iso) return '–';
+  const [day, both] = [dateFormat, dateTimeFormat].map(format => format.format(new Date(iso)));
+  return both.startsWith(day) ? unbroken(day) + both.slice(day.length) : both;
+}
+export const date = iso => (iso ? unbroken(dateFormat.format(new Date(iso))) : '–');
 /** Formats a day without a time, such as `2026-01-05`. */
-export const calendarDay = iso => calendarFormat.format(new Date(`${iso}T00:00:00Z`));
+export const calendarDay = iso => unbroken(calendarFormat.format(new Date(`${iso}T00:00:00Z`)));
 
 /** Seconds as `1:02.3`, or `1:02:03.4` from an hour on, with the language's decimal separator. */
 export function clock(seconds, digits = 1) {

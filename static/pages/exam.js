@@ -44,7 +44,7 @@ export default function Exam({ person, route }) {
         <dt>${name}</dt><dd>${value}</dd>`)}</dl></div></section>
       ${isStaff && exam.state === 'planned' && html`<${Start} exam=${exam} onChange=${reload} />`}
       ${isStaff && exam.state === 'running' && html`<${Run} exam=${exam} onChange=${reload} />`}
-      ${exam.state !== 'planned' && html`<${Attempts} exam=${exam} onVoid=${mayVoid ? setVoiding : null} />`}
+      ${exam.state !== 'planned' && html`<${Attempts} exam=${exam} onVoid=${mayVoid ? setVoiding : null} withAdvice=${isStaff && exam.state === 'running'} />`}
       ${isStaff && exam.result === 'passed' && html`<${Certify} exam=${exam} person=${person} />`}
     </div>
     ${voiding && html`<${VoidDialog} exam=${exam} attempt=${voiding} onDone=${() => (setVoiding(null), reload())} onClose=${() => setVoiding(null)} />`}`;
@@ -114,6 +114,7 @@ function Run({ exam, onChange }) {
   const isReady = exam.box_check?.is_ready;
   const left = exam.attempts_allowed - exam.attempts_used;
   const next = exam.attempts.length + 1;
+  const voided = exam.attempts.filter(attempt => attempt.voided_at).map(attempt => attempt.number);
   const act = async request => {
     setBusy(true);
     setProblem(null);
@@ -125,7 +126,7 @@ function Run({ exam, onChange }) {
       <header><h2>${words.running}</h2></header>
       <div class="body stack">
         <${ProblemNotice} problem=${problem} onDismiss=${() => setProblem(null)} />
-        <p>${isRecording ? words.isRecording : left > 0 ? words.left(left) : words.noneLeft}</p>
+        <p>${isRecording ? words.isRecording : left > 0 ? words.left(left) : words.noneLeft}${voided.length > 0 && ` ${words.givenBack(voided)}`}</p>
         ${exam.waiting.map(one => html`<p key=${one.ordered_at} class="small">${words.waiting(dateTime(one.ordered_at), one.is_recording, one.may_begin)}</p>`)}
         ${!isRecording && left > 0 && html`<${BoxNotReady} exam=${exam} />`}
         ${counting.filter(attempt => attempt.state !== 'recording').map(attempt => html`<fieldset key=${attempt.number} class="plain stack tight"><legend>${words.wasCompleted(attempt.number)}</legend>
@@ -139,11 +140,12 @@ function Run({ exam, onChange }) {
             <a class=${`button ${exam.has_agent ? '' : 'main'}`} href=${href(['record'], { exam: exam.id })}>${words.recordHere(next)}</a>`}
           ${exam.attempts_used > 0 && html`<button class="button" type="button" disabled=${isOpen} onClick=${() => setClosing(true)}>${words.close}</button>`}
         </p>
+        ${exam.result_if_closed && html`<p>${words.ifClosed(words.results[exam.result_if_closed])}</p>`}
         ${exam.attempts_used > 0 && isOpen && !isRecording && html`<p class="small muted">${words.closeLater}</p>`}
         ${exam.attempts_used === 0 && !isRecording && html`<${CancelButton} exam=${exam} onChange=${onChange} />`}
       </div>
     </section>
-    ${closing && html`<${Confirm} title=${words.closeTitle} body=${left > 0 ? `${words.closeBody} ${words.closeLeft(left)}` : words.closeBody} yes=${words.close} no=${words.notYet}
+    ${closing && html`<${Confirm} title=${words.closeTitle} body=${[exam.result_if_closed && words.ifClosed(words.results[exam.result_if_closed]), words.closeBody, left > 0 && words.closeLeft(left)].filter(Boolean).join(' ')} yes=${words.close} no=${words.notYet}
       onYes=${() => api.exams.close(exam.id).then(onChange)} onClose=${() => setClosing(false)} />`}`;
 }
 

@@ -88,7 +88,7 @@ function Audit() {
           <th scope="col">${words.what}</th><th scope="col">${words.which}</th></tr></thead>
         <tbody>${items.map(one => html`<tr key=${one.id}>
           <td class="when">${dateTime(one.at)}</td><td>${one.who ?? words.by[one.by] ?? one.by}</td><td>${one.address ?? '–'}</td>
-          <td>${words.change(one.action, one.noun)}${one.why && html`<p class="said small">${one.why}</p>`}</td><td class=${one.called === null && 'code'} title=${one.subject}>${subject(one)}</td></tr>`)}</tbody>
+          <td>${words.change(one.action, one.noun, one.attempt)}${one.why && html`<p class="said small">${one.why}</p>`}</td><td class=${one.called === null && 'code'} title=${one.subject}>${subject(one)}</td></tr>`)}</tbody>
       </table></div>`}
       ${next && html`<div class="pager"><button class="button" type="button" aria-disabled=${busy} onClick=${more}>
         ${busy ? t.loading : words.more}</button></div>`}

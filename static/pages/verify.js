@@ -63,7 +63,7 @@ function Content({ content }) {
       [words.rule, standard.rule],
       [t.exams.examiner, exam?.examiner],
       [t.exams.identity, exam && t.exams.identities[exam.identity]],
-      [t.exams.allowedUsed, exam && t.exams.used(exam.attempts_used, exam.attempts_allowed)],
+      [t.exams.allowedUsed, exam && t.exams.used(exam.attempts_used, exam.attempts_allowed, exam.voided ?? [])],
       [words.earned, calendarDay(content.earned_on)],
       [words.standard, t.certificate.setOn(standard.version, calendarDay(standard.set_on))],
       [words.issued, `${calendarDay(content.issued_on)}, ${content.issuer}`],

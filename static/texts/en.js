@@ -1,6 +1,8 @@
 // All texts of the pages in English. Entries that depend on a value are functions. Other languages have the same keys.
 const MODES = { exposureMode: 'exposure', whiteBalanceMode: 'white balance' };
 const plural = (n, one, many) => `${n} ${n === 1 ? one : many}`;
+/** Numbers in a sentence: `1, 2 and 4`. */
+const listed = numbers => [numbers.slice(0, -1).join(', '), numbers.at(-1)].filter(Boolean).join(' and ');
 /** The choices of a sentence of the service, separated by commas. */
 const choicesOf = choices => choices.replaceAll('`', '').split(/[ ,]+/).join(', ');
 const SIDES = { left: 'left', right: 'right', top: 'upper', bottom: 'lower' };
@@ -203,7 +205,7 @@ export default {
     last: 'Your last result',
     open: 'Open the session',
     time: seconds => `Time ${seconds}`,
-    inARow: (have, of) => `${have} of ${of} passes in a row that the standard asks for.`,
+    inARow: (have, of) => `${have} of ${plural(of, 'pass', 'passes')} in a row that the standard asks for.`,
     more: (have, of) => `${have} of ${of} further passes that the standard asks for.`,
   },
   today: {
@@ -517,6 +519,7 @@ export default {
     file: 'File',
     length: 'Length',
     aside: 'set aside',
+    voided: 'declared void in an exam',
     more: 'Show more',
     none: 'No sessions',
     noneFiltered: 'No session matches these filters. Change one of them, or clear them all.',
@@ -1361,7 +1364,7 @@ export default {
     publish: 'Publish',
     neverChanges: 'A published text cannot be changed or deleted. A new version replaces it, and earlier ones stay readable.',
     noEffect: 'No recordings stop: consent to this version is not required.',
-    touches: (n, all) => (n ? `${n} of ${all} trainees have not consented to this version.` : 'All trainees have consented to this version or a later one.'),
+    touches: (n, all) => (n ? `${n} of ${plural(all, 'trainee', 'trainees')} ${n === 1 ? 'has' : 'have'} not consented to this version.` : 'All trainees have consented to this version or a later one.'),
     stopsOn: day => `From ${day} on, their new recordings are refused unless they consent before.`,
     stopsNow: 'Their new recordings are refused at once.',
     active: n => (n ? `${n} of them ${n === 1 ? 'was' : 'were'} recorded within the last 30 days.` : 'None of them was recorded within the last 30 days.'),
@@ -1441,6 +1444,7 @@ export default {
     legend: 'Filled: limit met. Dashed: limit missed. Hollow: undecided, with the reason on the point. Grey: does not count.',
     setAside: {
       by_hand: 'set aside: does not count',
+      voided: 'declared void in an exam: does not count',
       box_asked: 'may be another box: does not count until an instructor answers',
       other_box: 'from another box: does not count',
       pending: 'not scored yet',
@@ -1874,7 +1878,7 @@ export default {
     refused: 'That was refused. Try again.',
     cameraMissing: 'The camera is missing: plug it in.',
     clockWrong: 'The clock of this computer is wrong: ask staff to set it. Recordings get the right time.',
-    frames: count => `${count} frames`,
+    frames: count => `${count} ${count === '1' ? 'frame' : 'frames'}`,
     start: 'Start',
     stop: 'Stop',
     startOnMovement: 'Start with the first movement',
@@ -2045,7 +2049,7 @@ export default {
         if (state === 'checking') return 'being checked …';
         if (state === 'failed') return 'could not be checked';
         if (!check.found) return 'not usable';
-        return isOther ? 'different size' : `${check.corners.length} corners found`;
+        return isOther ? 'different size' : `${plural(check.corners.length, 'corner', 'corners')} found`;
       },
       alt: name => `Photo ${name}`,
       remove: 'Remove',
@@ -2439,7 +2443,7 @@ export default {
     provenance: 'Technical details',
     result: 'Result',
     file: 'File',
-    bytes: n => `${n} bytes`,
+    bytes: n => plural(n, 'byte', 'bytes'),
     sha256: 'SHA-256',
     program: 'Program',
     trackedWith: version => `tracked with ${version}`,
@@ -2607,7 +2611,7 @@ export default {
     none: 'Nothing was scored again yet',
     noneBody: 'After an update of the program, old and new results can be compared here.',
     orderOf: (when, who) => `${when}${who ? `, ${who}` : ''}`,
-    progress: (done, all) => `${done} of ${all} sessions`,
+    progress: (done, all) => `${done} of ${plural(all, 'session', 'sessions')}`,
     failed: n => `${n} could not be scored`,
     called: 'stopped',
     ended: 'finished',
@@ -2798,7 +2802,7 @@ export default {
   firstSteps: {
     title: 'First steps',
     lead: 'What a new centre needs before the first result. You can do the steps in any order, and stop at any time.',
-    done: (n, all) => `${n} of ${all} steps are done`,
+    done: (n, all) => `${n} of ${plural(all, 'step', 'steps')} ${n === 1 ? 'is' : 'are'} done`,
     allDone: 'All first steps are done.',
     isDone: 'done',
     go: 'Do this',
@@ -3006,7 +3010,8 @@ export default {
     none: 'No exams',
     noneBody: 'Plan one with the button above, or on the page of a trainee.',
     more: 'Show more',
-    used: (used, allowed) => `${used} of ${allowed} ${allowed === 1 ? 'attempt' : 'attempts'} used`,
+    /** `voided`: numbers of the attempts that were declared void. */
+    used: (used, allowed, voided) => `${used} of ${plural(allowed, 'attempt', 'attempts')} used${voided.length ? `, ${voided.length === 1 ? 'attempt' : 'attempts'} ${listed(voided)} declared void` : ''}`,
     plannedFor: day => `planned for ${day}`,
     plannedOn: day => `planned on ${day}`,
     startedOn: day => `started on ${day}`,
@@ -3044,6 +3049,8 @@ export default {
     left: count => (count === 1 ? 'One attempt is left. It is used when its recording begins, also if it is broken off.' : `${count} attempts are left. Each is used when its recording begins, also if it is broken off.`),
     noneLeft: 'All attempts are used.',
     isRecording: 'An attempt is being recorded.',
+    givenBack: numbers => (numbers.length === 1 ? `Attempt ${numbers[0]} was declared void: it is not used, and keeps its number.` : `Attempts ${listed(numbers)} were declared void: they are not used, and keep their numbers.`),
+    ifClosed: result => `If you close the exam now, its result is: ${result}.`,
     waiting: (time, isRecording, mayBegin) => (isRecording ? `The recording that was started at ${time} is being made at the box; its first frames have not arrived yet.` : mayBegin ? `A recording was started at ${time}, and nothing has arrived of it.` : `A recording was started at ${time} and started anew since. It is refused if it arrives.`),
     recordAtBox: attempt => `Record attempt ${attempt} at the box`,
     recordHere: attempt => `Record attempt ${attempt} with this device`,
@@ -3061,7 +3068,7 @@ export default {
     sealedBody: 'You see the result and the figures when the examiner has closed the exam.',
     attempts: 'Attempts',
     noAttempts: 'No attempt has begun.',
-    attempt: number => `Attempt ${number}`,
+    attempt: (number, isVoid) => `Attempt ${number}${isVoid ? ' (declared void)' : ''}`,
     attemptStates: { recording: 'Recording', scoring: 'Being measured', judged: 'Judged', sealed: 'Recorded' },
     outcomes: { passed: 'Passed', not_passed: 'Not passed', undecided: 'Cannot be judged', refused: 'Recording refused', failed: 'No result' },
     outcomeBodies: {
@@ -3082,6 +3089,15 @@ export default {
       interrupted: 'The recording ended early: the camera, the line or a person elsewhere ended it.',
       not_live: 'The recording is longer than the time since it was started, so it was not made then.',
     },
+    advice: {
+      error_bar: 'Without a pass in another attempt, the exam cannot be decided, which is no failure: record another attempt if one is left, or close the exam and plan another one.',
+      not_measured: 'If the reason was technical, such as a covered camera, an administrator can void the attempt, and the candidate has it back. Otherwise record another attempt if one is left, or close the exam: without a pass it cannot be decided, which is no failure, and you plan another one.',
+      other_box: 'If the reason was technical, an administrator can void the attempt, and the candidate has it back. Otherwise record another attempt if one is left, or close the exam: without a pass it cannot be decided, which is no failure, and you plan another one.',
+      set_up: 'An administrator can void the attempt, and the candidate has it back. Otherwise record another attempt if one is left, or close the exam: without a pass it cannot be decided, which is no failure, and you plan another one.',
+      interrupted: 'If the reason was technical, an administrator can void the attempt, and the candidate has it back. Otherwise it is used without a pass.',
+      not_live: 'If the reason was technical, an administrator can void the attempt, and the candidate has it back. Otherwise it is used without a pass.',
+      refused: 'If the reason was technical, an administrator can void the attempt, and the candidate has it back. Otherwise it is used without a pass.',
+    },
     session: 'Session',
     feature: 'Feature',
     limit: 'Limit',
@@ -3100,14 +3116,15 @@ export default {
       other_hand: 'limit for the other hand',
     },
     void: 'Void attempt',
-    voided: 'Voided',
-    voidedOn: (time, who) => `Voided on ${time}${who ? ` by ${who}` : ''}.`,
+    countsNowhere: 'Counts nowhere',
+    wasJudged: outcome => `Its recording was judged: ${outcome}.`,
+    voidedOn: (time, who) => `Declared void on ${time}${who ? ` by ${who}` : ''}.`,
     voidTitle: number => `Void attempt ${number}?`,
     voidBody: 'Only after a technical failure: the candidate has the attempt back. The recording stays and counts nowhere.',
     failure: 'Technical failure',
     failureHint: 'For the audit trail; staff see it.',
     ofExam: 'Attempt of an exam',
-    ofExamBody: (number, isVoided) => `This is attempt ${number} of an exam${isVoided ? ', which was voided, so it counts nowhere' : ''}. It is never moved, cut, edited or erased alone.`,
+    ofExamBody: (number, isVoided) => `This is attempt ${number} of an exam${isVoided ? ', which was declared void, so it counts nowhere' : ''}. It is never moved, cut, edited or erased alone.`,
     toExam: 'Open the exam',
   },
   certificates: {
@@ -3264,7 +3281,7 @@ export default {
     noBackupBody: 'Name a folder on another disk or machine as `target` under `[backup]` in the settings: the service then makes a backup every day. The operations guide says how.',
     byHand: 'A backup by hand: run this command on the machine of the service, as the user that the service runs as, or as an administrator of the machine if it begins with sudo. The folder at its end must be new or empty, and is best on another disk.',
     plan: 'Scheduled',
-    planOf: (at, keep) => `every day at ${at} UTC; the last ${keep} are kept`,
+    planOf: (at, keep) => `every day at ${at} UTC; ${keep === 1 ? 'the last one is' : `the last ${keep} are`} kept`,
     folder: 'Folder',
     planFailed: 'The last scheduled backup failed',
     notListed: 'Deleted people could come back with a backup',
@@ -3299,7 +3316,7 @@ export default {
     largest: 'Largest recording',
     workers: 'Recordings tracked at once',
     attempts: 'Sign-in attempts',
-    freeAttempts: n => `${n} failures of a name, then a wait that grows`,
+    freeAttempts: n => `${plural(n, 'failure', 'failures')} of a name, then a wait that grows`,
     where: 'The person who runs the machine sets these values in the settings file, trocar.toml.',
     audit: 'Who changed what',
     when: 'When',
@@ -3308,7 +3325,7 @@ export default {
     address: 'Network address',
     which: 'Which',
     by: { person: 'Deleted user', agent: 'Recording computer of a box', service: 'The service' },
-    change: (action, noun) => `${action} ${noun}${noun === 'tokens' ? ' (number)' : ''}`,
+    change: (action, noun, attempt) => `${action} ${noun}${noun === 'tokens' ? ' (number)' : ''}${attempt ? ` (attempt ${attempt})` : ''}`,
     more: 'Earlier changes',
     none: 'Nothing was changed yet',
     noneBody: 'Every change to people’s data is recorded here.',
@@ -3342,9 +3359,9 @@ export default {
   said: {
     /** What is wrong with the value of a field; invalid_values.js has the service's sentences. */
     invalid: {
-      characters: (length, min, max) => (length === '0' ? 'Please fill this in.' : `It has ${length} characters; ${min} to ${max} are allowed.`),
+      characters: (length, min, max) => (length === '0' ? 'Please fill this in.' : `It has ${length} ${length === '1' ? 'character' : 'characters'}; ${min} to ${max} are allowed.`),
       too_many_characters: (length, max) => `It has ${length} characters; at most ${max} are allowed.`,
-      bytes: (length, min, max) => `It has ${length} characters (letters with accents count twice); ${min} to ${max} are allowed.`,
+      bytes: (length, min, max) => `It has ${length} ${length === '1' ? 'character' : 'characters'} (letters with accents count twice); ${min} to ${max} are allowed.`,
       too_alike: n => `It has fewer than ${n} different characters.`,
       words: (_, max) => `Search for at most ${max} words.`,
       invisible_character: () => 'It contains an invisible character. Type it instead of pasting it.',

@@ -35,7 +35,7 @@ after(() => browser?.close());
 /** The date this many days from now, in the format of the service and of date inputs. */
 const day = days => new Intl.DateTimeFormat('sv-SE').format(new Date(Date.now() + days * DAY_MS));
 /** The same date in the format of the pages. */
-const dayWords = days => new Intl.DateTimeFormat('en-US', { dateStyle: 'medium' }).format(new Date(Date.now() + days * DAY_MS));
+const dayWords = days => new Intl.DateTimeFormat('en-US', { dateStyle: 'medium' }).format(new Date(Date.now() + days * DAY_MS)).replaceAll(' ', '\u00a0');
 
 /**
  * Imports a session with two tools, this many seconds long and recorded this many days ago, as a CSV of another

@@ -429,7 +429,8 @@ async function figuresOfSessionReport() {
   return figures;
 }
 
-const day = iso => new Intl.DateTimeFormat('en-US', { dateStyle: 'medium' }).format(new Date(iso));
+/** As on the pages: no line breaks within a date. */
+const day = iso => new Intl.DateTimeFormat('en-US', { dateStyle: 'medium' }).format(new Date(iso)).replaceAll(' ', '\u00a0');
 
 async function figuresOfCertificate() {
   const { standard, passed, rule, sessions, trainee, task, pipeline } = await getJson(`trainees/${pass.trainee}/progress?task=${pass.task}`);

@@ -8,28 +8,35 @@ import { featureWithTool } from '../../translate.js';
 const words = t.exams;
 const TONES = { passed: 'good', not_passed: 'bad', undecided: 'warn', refused: 'warn', failed: 'warn' };
 
-/** `onVoid`: for administrators, while an attempt can be voided. @param {Props} props */
-export const Attempts = ({ exam, onVoid = null }) => html`
+/** How many attempts are used, and which were declared void. @param {{ attempts_used: number, attempts_allowed: number, attempts: { number: number, voided_at?: string | null }[] }} exam */
+export const usedText = ({ attempts_used: used, attempts_allowed: allowed, attempts }) =>
+  words.used(used, allowed, attempts.filter(one => one.voided_at).map(one => one.number));
+
+/** `onVoid`: for administrators, while an attempt can be voided. `withAdvice`: says what the examiner can do. @param {Props} props */
+export const Attempts = ({ exam, onVoid = null, withAdvice = false }) => html`
   <section class="card">
-    <header><h2>${words.attempts}</h2><span class="muted">${words.used(exam.attempts_used, exam.attempts_allowed)}</span></header>
+    <header><h2>${words.attempts}</h2><span class="muted">${usedText(exam)}</span></header>
     <div class="body stack">
       ${!exam.attempts.length && html`<p class="muted">${words.noAttempts}</p>`}
-      ${exam.attempts.map(attempt => html`<${Attempt} key=${attempt.number} attempt=${attempt} onVoid=${onVoid} />`)}
+      ${exam.attempts.map(attempt => html`<${Attempt} key=${attempt.number} attempt=${attempt} onVoid=${onVoid} withAdvice=${withAdvice} />`)}
     </div>
   </section>`;
 
 /** @param {Props} props */
-function Attempt({ attempt, onVoid }) {
+function Attempt({ attempt, onVoid, withAdvice }) {
   const { number: at, state, outcome, cause, completion, session, voided_at: voided, void_reason: why, voided_by: who } = attempt;
+  const advice = words.advice[cause ?? outcome ?? ''];
   return html`
     <article class="stack tight">
-      <h3>${words.attempt(at)} ${completion === 'broken_off' ? html`<span class="pill bad">${words.notCompleted}</span>` : outcome ? html`<span class=${`pill ${TONES[outcome]}`}>${words.outcomes[outcome]}</span>`
-        : html`<span class="pill">${words.attemptStates[state]}</span>`}${voided && html` <span class="pill">${words.voided}</span>`}</h3>
+      <h3>${words.attempt(at, Boolean(voided))} ${voided ? html`<span class="pill">${words.countsNowhere}</span>` : completion === 'broken_off' ? html`<span class="pill bad">${words.notCompleted}</span>`
+        : outcome ? html`<span class=${`pill ${TONES[outcome]}`}>${words.outcomes[outcome]}</span>` : html`<span class="pill">${words.attemptStates[state]}</span>`}</h3>
       <p class="small muted">${dateTime(attempt.began_at)}${session && html` · <a href=${href(['sessions', session])}>${words.session}</a>`}</p>
+      ${voided && html`<p class="small">${words.voidedOn(dateTime(voided), who)} ${why && html`<span class="said">${why}</span>`}</p>`}
+      ${voided && outcome && html`<p class="small">${words.wasJudged(words.outcomes[outcome])}</p>`}
       ${completion && html`<p class="small">${completion === 'broken_off' ? words.brokenOff : words.isCompleted}</p>`}
       ${cause && html`<p class="small">${words.causes[cause]}</p>`}
       ${!cause && outcome && words.outcomeBodies[outcome] && html`<p class="small">${words.outcomeBodies[outcome]}</p>`}
-      ${voided && html`<p class="small">${words.voidedOn(dateTime(voided), who)} ${why && html`<span class="said">${why}</span>`}</p>`}
+      ${withAdvice && !voided && completion !== 'broken_off' && advice && html`<p class="small">${advice}</p>`}
       ${attempt.figures.length > 0 && html`<${Figures} figures=${attempt.figures} />`}
       ${onVoid && !voided && state !== 'recording' && html`<p><button class="button" type="button" onClick=${() => onVoid(attempt)}>${words.void}</button></p>`}
     </article>`;

@@ -5,6 +5,7 @@ import { useData } from '../../data.js';
 import { calendarDay, date } from '../../format.js';
 import { href } from '../../router.js';
 import { t } from '../../texts.js';
+import { usedText } from './attempts.js';
 
 const words = t.exams;
 const TONES = { planned: '', running: 'busy', closed: '', cancelled: '' };
@@ -20,7 +21,7 @@ export const ExamList = ({ exams, withNames = false }) => html`
   <ul class="queue">${exams.map(exam => html`
     <li key=${exam.id}><div>
       <a href=${href(['exams', exam.id])}>${withNames ? `${exam.trainee.name}, ` : ''}${exam.task.name}</a>
-      <p class="small muted">${[whenOf(exam), exam.box.name, words.used(exam.attempts_used, exam.attempts_allowed)].join(' · ')}</p></div>
+      <p class="small muted">${[whenOf(exam), exam.box.name, usedText(exam)].join(' · ')}</p></div>
       <${ExamPill} exam=${exam} /></li>`)}</ul>`;
 
 /** @param {Schemas['ExamResponse']} exam */

@@ -68,6 +68,7 @@ export function Outcome({ session }) {
   return html`<span class="outcome"><${StatusPill} state=${outcomeOf(session)} />${
     withCare && html` <span class="small muted">${t.outcome.withCare}</span>`}${
     session.set_aside && html` <span class="small muted">${t.sessions.aside}</span>`}${
+    session.voided && html` <span class="small muted">${t.sessions.voided}</span>`}${
     reason && html`<span class="small muted why">${reason}</span>`}</span>`;
 }
 

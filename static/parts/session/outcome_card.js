@@ -38,7 +38,7 @@ function Card({ session, outcome, limited, rows }) {
   return html`
     <section class="card outcome-card" aria-label=${words.name}>
       <header>
-        <div class="row"><h2>${words.titles[session.set_aside ? 'aside' : outcome]}</h2>${
+        <div class="row"><h2>${words.titles[session.set_aside || session.voided ? 'aside' : outcome]}</h2>${
           outcome !== 'done' && html`<${StatusPill} state=${outcome} />`}</div>
         ${last.at && html`<span class="small muted">${words.lastWas(date(last.at))}</span>`}
       </header>
@@ -59,7 +59,7 @@ function Card({ session, outcome, limited, rows }) {
         </table>
       </div>
       ${session.unknown_hand ? html`<p class="small muted keys">${words.unknownHand}</p>`
-        : !limited.length && !session.set_aside && html`<p class="small muted keys">${last.standard?.valid_from ? words.earlier(date(last.standard.valid_from)) : words.noStandard}</p>`}
+        : !limited.length && !session.set_aside && !session.voided && html`<p class="small muted keys">${last.standard?.valid_from ? words.earlier(date(last.standard.valid_from)) : words.noStandard}</p>`}
     </section>`;
 }
 
