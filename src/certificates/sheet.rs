@@ -139,7 +139,7 @@ fn lay_out(font: &SheetFont, content: &CertificateContent, has_logo: bool) -> Re
 }
 
 fn body(column: &mut Column<'_>, content: &CertificateContent, has_logo: bool) {
-    let (words, language) = (words::of(content.language), content.language);
+    let words = words::of(content.language);
     let centre = content.centre.as_deref().unwrap_or("Trocar");
     let top = column.y;
     let beside_logo = if has_logo { WIDTH - LOGO.0 - 20.0 } else { WIDTH };
@@ -157,7 +157,7 @@ fn body(column: &mut Column<'_>, content: &CertificateContent, has_logo: bool) {
     }
     column.paragraph(words::sessions(content), 10.0, 12.0);
     let is_long = content.sessions.len() > MAX_FULL_DAYS;
-    let sessions = content.sessions.iter().map(|session| words::session(language, session, is_long));
+    let sessions = content.sessions.iter().map(|session| words::session(content, session, is_long));
     let sessions: Vec<String> = sessions.collect();
     column.grid(&sessions, 9.0);
     if content.sessions.iter().any(|session| !session.day_known) {
@@ -189,7 +189,9 @@ fn foot(font: &SheetFont, content: &CertificateContent) -> Vec<PlacedText> {
 /// Breaks a text into lines of at most this width, in units of its size; a longer word is broken anywhere.
 fn wrapped(font: &SheetFont, text: &str, width: f32) -> Vec<String> {
     let mut lines = vec![String::new()];
-    for word in text.split_whitespace() {
+    // A date has spaces that no line breaks at.
+    let words = text.split(|c: char| c.is_whitespace() && c != '\u{a0}').filter(|word| !word.is_empty());
+    for word in words {
         let line = lines.last_mut().map(std::mem::take).unwrap_or_default();
         let joined = if line.is_empty() { word.to_owned() } else { format!("{line} {word}") };
         lines.pop();

@@ -136,12 +136,12 @@ const GERMAN_MONTHS: [&str; 12] = [
     "Dezember",
 ];
 
-/// A day such as `2026-11-30` in words: `30 November 2026`.
+/// A day such as `2026-11-30` in words, which no line breaks: `30 November 2026`.
 pub(super) fn day(language: CertificateLanguage, iso: &str) -> String {
     let parts: Vec<usize> = iso.split('-').filter_map(|part| part.parse().ok()).collect();
     match (parts.as_slice(), language) {
-        ([year, month @ 1..=12, day], En) => format!("{day} {} {year}", ENGLISH_MONTHS[month - 1]),
-        ([year, month @ 1..=12, day], De) => format!("{day}. {} {year}", GERMAN_MONTHS[month - 1]),
+        ([year, month @ 1..=12, day], En) => format!("{day}\u{a0}{}\u{a0}{year}", ENGLISH_MONTHS[month - 1]),
+        ([year, month @ 1..=12, day], De) => format!("{day}.\u{a0}{}\u{a0}{year}", GERMAN_MONTHS[month - 1]),
         _ => iso.to_owned(),
     }
 }
@@ -251,7 +251,8 @@ pub(super) fn limits(content: &CertificateContent) -> &'static str {
 }
 
 /// A session in one short line; `*` marks a day that the sender stated. `is_long`: the list is, so days are in short.
-pub(super) fn session(language: CertificateLanguage, session: &CertifiedSession, is_long: bool) -> String {
+pub(super) fn session(content: &CertificateContent, session: &CertifiedSession, is_long: bool) -> String {
+    let language = content.language;
     let CertifiedSession { number, recorded_on, day_known, supervision } = session;
     let star = if *day_known { "" } else { "*" };
     let is_supervised = match (supervision, language) {
@@ -262,7 +263,12 @@ pub(super) fn session(language: CertificateLanguage, session: &CertifiedSession,
         (Some(_), En) => "supervised",
         (Some(_), De) => "beaufsichtigt",
     };
-    let number_sign = if language == En { "No." } else { "Nr." };
+    let number_sign = match (language, content.exam.is_some()) {
+        (En, true) => "Attempt",
+        (De, true) => "Versuch",
+        (En, false) => "No.",
+        (De, false) => "Nr.",
+    };
     let on = if is_long { recorded_on.clone() } else { day(language, recorded_on) };
     format!("{number_sign} {number}: {on}{star}, {is_supervised}")
 }
@@ -395,7 +401,10 @@ mod tests {
 
     #[test]
     fn days_numbers_and_rules_are_written_as_in_the_language() {
-        assert_eq!((day(En, "2026-03-05"), day(De, "2026-03-05")), ("5 March 2026".into(), "5. März 2026".into()));
+        assert_eq!(
+            (day(En, "2026-03-05"), day(De, "2026-03-05")),
+            ("5\u{a0}March\u{a0}2026".into(), "5.\u{a0}März\u{a0}2026".into())
+        );
         assert_eq!((number(En, 0.25), number(De, -1.5)), ("0.25".into(), "\u{2212}1,5".into()));
         let three = StandardRule { in_a_row: 3, then_more: 2, at_most: Some(1) };
         assert_eq!(rule(En, &three), "3 passes in a row, then 2 more, within 1 session");
