@@ -3169,7 +3169,7 @@ export default {
     noneBody: 'Planen Sie eine mit der Schaltfläche oben oder auf der Seite einer Person.',
     more: 'Mehr zeigen',
     /** `voided`: Nummern der gestrichenen Versuche. */
-    used: (used, allowed, voided) => `${used} von ${plural(allowed, 'Versuch', 'Versuchen')} genutzt${voided.length ? `, ${voided.length === 1 ? 'Versuch' : 'Versuche'} ${list(voided)} gestrichen` : ''}`,
+    used: (used, allowed, voided) => `${used}\u00a0von\u00a0${plural(allowed, 'Versuch', 'Versuchen')} genutzt${voided.length ? `, ${voided.length === 1 ? 'Versuch' : 'Versuche'} ${list(voided)} gestrichen` : ''}`,
     plannedFor: day => `geplant für ${day}`,
     plannedOn: day => `geplant am ${day}`,
     startedOn: day => `begonnen am ${day}`,

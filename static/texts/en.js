@@ -3011,7 +3011,7 @@ export default {
     noneBody: 'Plan one with the button above, or on the page of a trainee.',
     more: 'Show more',
     /** `voided`: numbers of the attempts that were declared void. */
-    used: (used, allowed, voided) => `${used} of ${plural(allowed, 'attempt', 'attempts')} used${voided.length ? `, ${voided.length === 1 ? 'attempt' : 'attempts'} ${listed(voided)} declared void` : ''}`,
+    used: (used, allowed, voided) => `${used}\u00a0of\u00a0${plural(allowed, 'attempt', 'attempts')} used${voided.length ? `, ${voided.length === 1 ? 'attempt' : 'attempts'} ${listed(voided)} declared void` : ''}`,
     plannedFor: day => `planned for ${day}`,
     plannedOn: day => `planned on ${day}`,
     startedOn: day => `started on ${day}`,

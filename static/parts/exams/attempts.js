@@ -42,18 +42,18 @@ function Attempt({ attempt, onVoid, withAdvice }) {
     </article>`;
 }
 
-/** @param {Props} props */
+/** The judgement stands beside the feature: on a phone, the columns on the right are scrolled to. @param {Props} props */
 const Figures = ({ figures }) => html`
   <div class="scroll"><table class="table dense">
-    <thead><tr><th scope="col">${words.feature}</th><th scope="col">${words.limit}</th><th scope="col">${words.value}</th><th scope="col">${words.range}</th><th scope="col">${words.judgement}</th></tr></thead>
+    <thead><tr><th scope="col">${words.feature}</th><th scope="col">${words.judgement}</th><th scope="col">${words.value}</th><th scope="col">${words.limit}</th><th scope="col">${words.range}</th></tr></thead>
     <tbody>${figures.map(figure => html`<tr key=${featureWithTool(figure)}><th scope="row">${featureWithTool(figure)}</th>
-      <td>${words.limits[figure.better](withUnit(figure.limit, figure))}</td><td>${withUnit(figure.value, figure)}</td>
-      <td>${rangeOf(figure)}</td><td>${words.judgements[figure.judgement]}</td></tr>`)}</tbody></table></div>`;
+      <td>${words.judgements[figure.judgement]}</td><td>${withUnit(figure.value, figure)}</td>
+      <td>${words.limits[figure.better](withUnit(figure.limit, figure))}</td><td>${rangeOf(figure)}</td></tr>`)}</tbody></table></div>`;
 
-const withUnit = (value, { unit: of }) => (typeof value === 'number' ? [number(value), unit(of)].filter(Boolean).join(' ') : '–');
+const withUnit = (value, { unit: of }) => (typeof value === 'number' ? [number(value), unit(of)].filter(Boolean).join('\u00a0') : '–');
 
 /** A value without an upper end is a lower bound. */
 function rangeOf({ low, high }) {
   if (typeof low !== 'number') return '–';
-  return typeof high === 'number' ? `${number(low)} – ${number(high)}` : words.atLeast(number(low));
+  return typeof high === 'number' ? `${number(low)}\u00a0–\u00a0${number(high)}` : words.atLeast(number(low));
 }
