@@ -1,5 +1,5 @@
--- Voided attempts of exams say that they are, changes of an attempt say of which one, and the database refuses what never
--- happens to an exam that has begun.
+-- Sessions show that they are voided attempts of exams, and entries of the audit trail the number of the attempt. The
+-- database refuses what never happens to an exam that has begun.
 
 -- The sessions that are voided attempts of exams. They count nowhere, and no standard judges them.
 CREATE VIEW voided_session (session_id) AS
