@@ -27,7 +27,7 @@
     trainee: `
       csv.js format.js pages/trainee.js parts/charts/axis.js parts/charts/monitor_chart.js
       parts/charts/progress_plot.js parts/courses/course_state.js parts/courses/own_courses.js
-      parts/exams/exam_list.js parts/forms/dialog.js parts/page/recorded_at.js parts/page/save_table.js
+      parts/exams/attempts.js parts/exams/exam_list.js parts/forms/dialog.js parts/page/recorded_at.js parts/page/save_table.js
       parts/page/status.js parts/people/access_entries.js parts/people/certificates.js parts/people/consent.js
       parts/people/error_score_progress.js parts/people/own_data.js parts/people/progress_summary.js
       parts/people/record_merges.js parts/people/retention.js parts/people/strengths.js

@@ -44,6 +44,8 @@ const ARGUMENTS = {
   'session.comments.deleteThis': ['a comment'],
   'session.comments.withdrawThis': ['a comment'],
   'errors.untyped': [['Deviation from the line']],
+  'exams.givenBack': [[1, 2]],
+  'exams.used': [1, 2, [1]],
   'feedback.by': [['Ines', 'Omar']],
   'session.rateOf': [0.5],
   'session.edits.does.swap': ['0:01–0:02', ['red', 'blue']],
