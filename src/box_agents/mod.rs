@@ -66,11 +66,27 @@ struct BoxEntry {
     check_in: Option<CheckIn>,
     /// Why the last check-in ended, if it was ended here, and when, by the monotonic clock, ms.
     check_in_end: Option<(CheckInEnd, i64)>,
+    /// When a check-in with a code was last refused for missing consent: epoch ms, and by the monotonic clock.
+    phone_refusal: Option<(i64, i64)>,
     codes: CheckInCodes,
-    /// The address that a code is added to.
-    check_in_page: String,
+    check_in_page: CheckInPage,
     /// Commands without an answer.
     waiting: HashMap<u64, oneshot::Sender<Result<(), String>>>,
+}
+
+/// The page that a trainee opens on a phone to check in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CheckInPage {
+    /// Its address; a code is added to it.
+    At(String),
+    /// A phone could not open it: this address of the server leads to the phone itself.
+    Unreachable(String),
+}
+
+impl Default for CheckInPage {
+    fn default() -> Self {
+        Self::Unreachable(String::new())
+    }
 }
 
 /// The way to a connected agent.
@@ -117,6 +133,8 @@ pub struct BoxAgentView {
     pub state: Option<AgentState>,
     /// Who is checked in.
     pub check_in: Option<CheckIn>,
+    /// The server's address, if a phone cannot check in with it.
+    pub unreachable_server: Option<String>,
 }
 
 /// Why a command was not carried out.
@@ -153,9 +171,8 @@ impl BoxAgents {
         &self.0.pin_attempts
     }
 
-    /// An agent has connected. An earlier connection of the box ends. `check_in_page`: the address that a code for checking
-    /// in is added to.
-    pub fn connect(&self, of: BoxId, program: String, check_in_page: String) -> AgentConnection {
+    /// An agent has connected. An earlier connection of the box ends.
+    pub fn connect(&self, of: BoxId, program: String, check_in_page: CheckInPage) -> AgentConnection {
         let (sender, inbox) = mpsc::channel(MAX_WAITING);
         let now = self.now();
         let mut registry = self.lock();
@@ -166,6 +183,7 @@ impl BoxAgents {
         (entry.link, entry.program, entry.heard) = (Some(AgentLink { number, sender }), program, Some(now));
         // What the agent reported on its earlier connection may not be true any more.
         (entry.check_in_page, entry.state) = (check_in_page, None);
+        entry.send_phone_refusal(now.0);
         AgentConnection { agents: self.clone(), of, number, inbox }
     }
 
@@ -180,6 +198,10 @@ impl BoxAgents {
             program: entry.program.clone(),
             state: entry.state.clone(),
             check_in: entry.check_in.clone().filter(|check_in| !check_in.is_idle(now_ms)),
+            unreachable_server: match &entry.check_in_page {
+                CheckInPage::Unreachable(server) if entry.link.is_some() => Some(server.clone()),
+                _ => None,
+            },
         }
     }
 
@@ -251,13 +273,23 @@ impl BoxAgents {
         is_valid
     }
 
+    /// A check-in with a code of the box was refused, because the trainee does not consent to recordings: the box starts no
+    /// recording without a name by itself then, because the same person might be recorded.
+    pub fn refuse_phone_check_in(&self, of: BoxId) {
+        let (now_ms, at_ms) = self.now();
+        if let Some(entry) = self.lock().agents.get_mut(&of) {
+            entry.phone_refusal = Some((at_ms, now_ms));
+            entry.send_phone_refusal(now_ms);
+        }
+    }
+
     /// Checks a trainee in at a box. Another one is checked out.
     pub fn check_in(&self, of: BoxId, trainee: NamedTrainee, scope: Scope, task: Option<NamedTask>) {
         let (active_ms, since_ms) = self.now();
         let check_in = CheckIn { trainee, scope, task, last: None, since_ms, active_ms };
         let mut registry = self.lock();
         let entry = registry.agents.entry(of).or_default();
-        (entry.check_in, entry.check_in_end) = (Some(check_in), None);
+        (entry.check_in, entry.check_in_end, entry.phone_refusal) = (Some(check_in), None, None);
     }
 
     /// Why the last check-in at a box was ended, for as long as its agent has to hear of it: it may have had no connection
@@ -331,8 +363,22 @@ impl BoxEntry {
     }
 
     fn renew_code(&mut self, now_ms: i64) {
-        let code = self.codes.add(now_ms);
-        self.send(ToAgent::CheckInAddress { address: format!("{}#{}", self.check_in_page, code.as_str()) });
+        let message = match &self.check_in_page {
+            CheckInPage::At(page) => {
+                let code = self.codes.add(now_ms);
+                ToAgent::CheckInAddress { address: format!("{page}#{}", code.as_str()) }
+            }
+            CheckInPage::Unreachable(server) => ToAgent::NoCheckInAddress { server: server.clone() },
+        };
+        self.send(message);
+    }
+
+    /// Says that a check-in with the phone was refused, for as long as the person may be there.
+    fn send_phone_refusal(&mut self, now_ms: i64) {
+        let fresh = self.phone_refusal.filter(|(_, since_ms)| now_ms - since_ms <= millis(CHECK_IN_IDLE));
+        if let Some((refused_at_ms, _)) = fresh {
+            self.send(ToAgent::PhoneCheckInRefused { refused_at_ms });
+        }
     }
 
     /// Ends a check-in without activity. Returns true if it ended.

@@ -16,7 +16,7 @@ fn ada() -> (NamedTrainee, Scope) {
 async fn a_command_is_answered_by_the_agent_and_fails_at_once_without_one() {
     let agents = BoxAgents::new(ManualClock::at(0));
     assert_eq!(agents.command(*BOX, AgentCommand::Stop).await, Err(CommandError::Silent));
-    let mut connection = agents.connect(*BOX, "agent 1".to_owned(), String::new());
+    let mut connection = agents.connect(*BOX, "agent 1".to_owned(), CheckInPage::default());
     let asking = {
         let agents = agents.clone();
         tokio::spawn(async move { agents.command(*BOX, AgentCommand::Stop).await })
@@ -32,7 +32,7 @@ async fn a_box_is_silent_after_seven_seconds_and_when_its_connection_ends() {
     let clock = ManualClock::at(1_000_000);
     let agents = BoxAgents::new(clock.clone());
     assert!(!agents.view(*BOX).is_online);
-    let connection = agents.connect(*BOX, String::new(), String::new());
+    let connection = agents.connect(*BOX, String::new(), CheckInPage::default());
     connection.heard(AgentState::default());
     clock.advance(SILENT_AFTER);
     assert!(agents.view(*BOX).is_online);
@@ -48,8 +48,8 @@ async fn a_box_is_silent_after_seven_seconds_and_when_its_connection_ends() {
 #[tokio::test]
 async fn an_old_connection_changes_nothing_after_a_new_one() {
     let agents = BoxAgents::new(ManualClock::at(0));
-    let mut old = agents.connect(*BOX, String::new(), String::new());
-    let new = agents.connect(*BOX, String::new(), String::new());
+    let mut old = agents.connect(*BOX, String::new(), CheckInPage::default());
+    let new = agents.connect(*BOX, String::new(), CheckInPage::default());
     assert_eq!(old.next().await, None, "it is to close");
     let camera = crate::domain::box_agent::state::BoxCameraState { is_open: true, ..Default::default() };
     old.heard(AgentState { camera, ..AgentState::default() });
@@ -63,7 +63,7 @@ async fn an_old_connection_changes_nothing_after_a_new_one() {
 async fn a_check_in_ends_without_a_recording_and_stays_during_one() {
     let clock = ManualClock::at(0);
     let agents = BoxAgents::new(clock.clone());
-    let connection = agents.connect(*BOX, String::new(), String::new());
+    let connection = agents.connect(*BOX, String::new(), CheckInPage::default());
     let (trainee, scope) = ada();
     agents.check_in(*BOX, trainee.clone(), scope, None);
     let session = SessionId::at(9);
@@ -91,7 +91,8 @@ async fn a_check_in_ends_without_a_recording_and_stays_during_one() {
 #[tokio::test]
 async fn a_used_code_is_replaced_at_once() {
     let agents = BoxAgents::new(ManualClock::at(0));
-    let mut connection = agents.connect(*BOX, String::new(), "https://trocar.example/check-in?box=1".to_owned());
+    let page = CheckInPage::At("https://trocar.example/check-in?box=1".to_owned());
+    let mut connection = agents.connect(*BOX, String::new(), page);
     agents.renew_check_in_code(*BOX);
     let mut shown = async || match connection.next().await {
         Some(ToAgent::CheckInAddress { address }) => address.split_once('#').unwrap().1.to_owned(),
@@ -137,14 +138,48 @@ fn a_box_that_fell_silent_while_it_recorded_counts_as_recording_until_it_says_ot
         recorded_s: 1.0,
         frames: 25,
     };
-    let connection = agents.connect(*BOX, String::new(), String::new());
+    let connection = agents.connect(*BOX, String::new(), CheckInPage::default());
     assert!(!agents.was_recording(*BOX));
     connection.heard(AgentState { recording: Some(recording), ..AgentState::default() });
     clock.advance(SILENT_AFTER + Duration::from_millis(1));
     assert!(agents.was_recording(*BOX) && !agents.view(*BOX).is_online);
     drop(connection);
-    let connection = agents.connect(*BOX, String::new(), String::new());
+    let connection = agents.connect(*BOX, String::new(), CheckInPage::default());
     assert!(agents.was_recording(*BOX), "it has not reported yet");
     connection.heard(AgentState::default());
     assert!(!agents.was_recording(*BOX));
+}
+
+#[tokio::test]
+async fn a_refused_check_in_is_repeated_at_each_connection_until_a_check_in_or_for_ten_minutes() {
+    let clock = ManualClock::at(1_000_000);
+    let agents = BoxAgents::new(clock.clone());
+    let connect = || agents.connect(*BOX, String::new(), CheckInPage::default());
+    let refused = Some(ToAgent::PhoneCheckInRefused { refused_at_ms: 1_000_000 });
+    let mut connection = connect();
+    agents.refuse_phone_check_in(*BOX);
+    assert_eq!(connection.next().await, refused);
+    clock.advance(CHECK_IN_IDLE);
+    assert_eq!(connect().next().await, refused, "the same one, also for an agent that had no connection");
+    clock.advance(Duration::from_millis(1));
+    let nothing = |mut connection: AgentConnection| connection.inbox.try_recv().is_err();
+    assert!(nothing(connect()), "the person is gone");
+    agents.refuse_phone_check_in(*BOX);
+    let (ada, scope) = ada();
+    agents.check_in(*BOX, ada, scope, None);
+    assert!(nothing(connect()), "another person checked in");
+}
+
+#[tokio::test]
+async fn a_box_shows_no_code_with_an_address_that_a_phone_cannot_open() {
+    let agents = BoxAgents::new(ManualClock::at(0));
+    let server = "http://localhost:8080".to_owned();
+    let mut connection = agents.connect(*BOX, String::new(), CheckInPage::Unreachable(server.clone()));
+    agents.renew_check_in_code(*BOX);
+    assert_eq!(connection.next().await, Some(ToAgent::NoCheckInAddress { server: server.clone() }));
+    assert_eq!(agents.view(*BOX).unreachable_server, Some(server));
+    drop(connection);
+    let page = CheckInPage::At("https://trocar.example/check-in?box=1".to_owned());
+    let _connection = agents.connect(*BOX, String::new(), page);
+    assert_eq!(agents.view(*BOX).unreachable_server, None);
 }

@@ -51,14 +51,23 @@ impl App {
     }
 }
 
+/// True if only the computer of the service can open an address.
+pub fn is_of_this_computer(address: &str) -> bool {
+    reach_of_address(address) == AddressReach::Computer
+}
+
 /// Where an address can be opened, in words; `None` if it has a name or number of the internet.
 pub fn local_readers(address: &str) -> Option<&'static str> {
-    let address: Option<Uri> = address.parse().ok();
-    match reach_of(address.as_ref().and_then(Uri::host).unwrap_or("localhost")) {
+    match reach_of_address(address) {
         AddressReach::Computer => Some("only on this computer"),
         AddressReach::Network => Some("only in your own network"),
         AddressReach::Internet => None,
     }
+}
+
+fn reach_of_address(address: &str) -> AddressReach {
+    let address: Option<Uri> = address.parse().ok();
+    reach_of(address.as_ref().and_then(Uri::host).unwrap_or("localhost"))
 }
 
 /// Who can open an address with this host.

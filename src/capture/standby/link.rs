@@ -8,8 +8,8 @@ use futures_util::{SinkExt, StreamExt};
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout};
 use tokio_tungstenite::tungstenite::Message;
 
-use super::Standby;
 use super::clock::ServerClock;
+use super::{Facts, Standby};
 use crate::capture::connection::{DisconnectOutcome, Socket, is_same_reason, outcome_of_close_code};
 use crate::domain::box_agent::messages::{AgentMessage, CheckInEnd, CheckInRefusal, CheckedIn, StartCommand, ToAgent};
 use crate::domain::box_agent::state::ClockState;
@@ -48,7 +48,8 @@ impl Standby {
             last.clone_from(&why);
             {
                 let mut facts = self.facts();
-                (facts.is_connected, facts.trouble, facts.check_in_address) = (false, why, None);
+                (facts.is_connected, facts.trouble) = (false, why);
+                facts.set_check_in_address(None, None);
             }
             self.note_change();
             self.end_idle_check_in();
@@ -161,7 +162,9 @@ impl Standby {
                 facts.refusal = Some((why, wait_s));
                 facts.needs_unnamed_button |= why == CheckInRefusal::NoConsent;
             }
-            ToAgent::CheckInAddress { address } => self.facts().check_in_address = Some(address),
+            ToAgent::PhoneCheckInRefused { refused_at_ms } => self.note_phone_refusal(refused_at_ms),
+            ToAgent::CheckInAddress { address } => self.facts().set_check_in_address(Some(address), None),
+            ToAgent::NoCheckInAddress { server } => self.facts().set_check_in_address(None, Some(server)),
         }
         self.note_change();
         Ok(())
@@ -194,6 +197,7 @@ impl Standby {
         let is_news = facts.checked_in.is_some() || !facts.knows_check_in;
         if by.is_some() {
             (facts.check_in_end, facts.last_unnamed, facts.needs_unnamed_button) = (None, None, false);
+            facts.phone_refusal = None;
         } else if let Some(why) = ended.filter(|_| is_news) {
             (facts.check_in_end, facts.needs_unnamed_button) = (Some((why, Instant::now())), true);
         }
@@ -207,6 +211,23 @@ impl Standby {
             self.await_movement_if_automatic();
         }
         true
+    }
+
+    /// A check-in with the phone was refused. Repeated to an agent that knows it already, it would undo what was done at the
+    /// box since.
+    fn note_phone_refusal(&self, refused_at_ms: i64) {
+        let is_new = {
+            let mut facts = self.facts();
+            let is_new = facts.phone_refusal.is_none_or(|(known, _)| known != refused_at_ms);
+            if is_new {
+                facts.phone_refusal = Some((refused_at_ms, Instant::now()));
+                facts.needs_unnamed_button = true;
+            }
+            is_new
+        };
+        if is_new {
+            self.end_awaited_start(); // the movement may be that of the person who was refused
+        }
     }
 
     /// Sends the state before the answer, so that a page that waits for the answer sees the new state.
@@ -228,6 +249,13 @@ impl Standby {
             tracing::warn!(offset_s, "the clock of this computer is wrong: set it; recordings get corrected times");
         }
         is_first
+    }
+}
+
+impl Facts {
+    /// What a phone opens to check in, or the server's address if a phone cannot open it.
+    fn set_check_in_address(&mut self, address: Option<String>, unreachable_server: Option<String>) {
+        (self.check_in_address, self.unreachable_server) = (address, unreachable_server);
     }
 }
 

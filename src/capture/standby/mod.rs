@@ -122,6 +122,10 @@ struct Facts {
     light_reference: Option<String>,
     clock: Option<ServerClock>,
     check_in_address: Option<String>,
+    /// The server's address, if a phone cannot open it.
+    unreachable_server: Option<String>,
+    /// When a check-in with the phone was refused for missing consent: by the server's clock, and here.
+    phone_refusal: Option<(i64, Instant)>,
     checked_in: Option<CheckedIn>,
     /// Who left the box, until the server has confirmed it.
     left: Option<TraineeId>,
@@ -185,6 +189,10 @@ pub struct ScreenState {
     pub recorded_task: Option<String>,
     /// Address for a check-in with a phone.
     pub check_in_address: Option<String>,
+    /// The server's address, if a phone cannot open it: there is no code then.
+    pub unreachable_server: Option<String>,
+    /// True if a check-in with the phone was refused because the consent is missing; for [`CHECK_IN_END_SHOWN`].
+    pub is_phone_refused: bool,
     /// Why the last check-in with a PIN was refused, and how long to wait, s.
     pub refusal: Option<(CheckInRefusal, u64)>,
 }
@@ -293,6 +301,8 @@ impl Standby {
             recorded,
             recorded_task,
             check_in_address: facts.check_in_address.clone(),
+            unreachable_server: facts.unreachable_server.clone(),
+            is_phone_refused: facts.phone_refusal.is_some_and(|(_, since)| since.elapsed() < CHECK_IN_END_SHOWN),
             refusal: facts.refusal,
         }
     }

@@ -95,10 +95,21 @@ pub enum ToAgent {
         /// How long to wait before the next attempt, s; 0: not at all.
         wait_s: u64,
     },
+    /// A check-in with the code on the screen was refused, because the trainee does not consent to recordings. Repeated at
+    /// each connection for as long as a check-in lasts without a recording.
+    PhoneCheckInRefused {
+        /// When, by the server's clock, epoch ms: a refusal that is repeated is the same one.
+        refused_at_ms: i64,
+    },
     /// The address that a trainee opens on a phone to check in. It replaces the one before.
     CheckInAddress {
         /// The address.
         address: String,
+    },
+    /// A phone could not open the address: the server knows itself only by one of its own computer.
+    NoCheckInAddress {
+        /// The server's address, as it knows it.
+        server: String,
     },
 }
 

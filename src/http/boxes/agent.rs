@@ -56,6 +56,9 @@ pub struct BoxAgentResponse {
     can_start_on_movement: Option<bool>,
     /// The trainee who is checked in; `null`: none.
     checked_in: Option<CheckInResponse>,
+    /// The service's address as the box got it, if a phone cannot open it: the box shows no QR code then. An administrator
+    /// sets the right one with `public_url`. `null`: the box shows a code, or is not `live`.
+    unreachable_server: Option<String>,
 }
 
 /// The clock of the computer beside a box.
@@ -136,7 +139,8 @@ impl App {
         of: BoxId,
         known: Option<&BoxAgentRecord>,
     ) -> HandlerResult<BoxAgentResponse> {
-        let BoxAgentView { is_online, last_seen_ms, program, state, check_in } = self.box_agents.view(of);
+        let BoxAgentView { is_online, last_seen_ms, program, state, check_in, unreachable_server } =
+            self.box_agents.view(of);
         let state = state.filter(|_| is_online);
         let presence = match (is_online, last_seen_ms.is_some() || known.is_some()) {
             (true, _) => AgentPresence::Live,
@@ -189,6 +193,7 @@ impl App {
             recording,
             awaited_start,
             checked_in,
+            unreachable_server: unreachable_server.filter(|_| is_online),
         })
     }
 

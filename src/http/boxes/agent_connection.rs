@@ -10,7 +10,7 @@ use axum::http::{HeaderMap, header};
 use axum::response::Response;
 use tokio::time::{Instant, interval, timeout};
 
-use crate::box_agents::{AgentConnection, CheckIn, RENEWAL_INTERVAL};
+use crate::box_agents::{AgentConnection, CheckIn, CheckInPage, RENEWAL_INTERVAL};
 use crate::domain::box_agent::CHECK_IN_IDLE;
 use crate::domain::box_agent::PROTOCOL;
 use crate::domain::box_agent::messages::{
@@ -24,6 +24,7 @@ use crate::domain::token_expiry::expires_soon;
 use crate::events::{Event, EventDelivery};
 use crate::http::auth::password::HashRequester;
 use crate::http::auth::signed_in::SignedIn;
+use crate::http::base_url::is_of_this_computer;
 use crate::http::error::{HandlerResult, Refusal};
 use crate::http::read::PathKey;
 use crate::http::state::App;
@@ -109,8 +110,7 @@ type Never = std::convert::Infallible;
 impl StandingAgent {
     async fn run(&self, app: &App, name: String, socket: &mut WebSocket) -> Result<Never, Ended> {
         let program = self.receive_hello(app, socket).await?;
-        let check_in_page = format!("{}/check-in?box={}", self.base, self.code);
-        let mut connection = app.box_agents.connect(self.of, program.clone(), check_in_page);
+        let mut connection = app.box_agents.connect(self.of, program.clone(), self.check_in_page());
         self.note_seen(app, program.clone()).await;
         let mut light_reference = self.light_reference(app).await;
         let token_expires_at =
@@ -157,6 +157,20 @@ impl StandingAgent {
                 }
             }
         }
+    }
+
+    /// The page for phones. An address of this computer would lead a phone to itself.
+    fn check_in_page(&self) -> CheckInPage {
+        if is_of_this_computer(&self.base) {
+            tracing::warn!(
+                address = self.base,
+                in_box = self.code,
+                "phones cannot open this address: no QR code for the check-in; set http.public_url, or let the agent use \
+                 an address of the network"
+            );
+            return CheckInPage::Unreachable(self.base.clone());
+        }
+        CheckInPage::At(format!("{}/check-in?box={}", self.base, self.code))
     }
 
     async fn receive_hello(&self, app: &App, socket: &mut WebSocket) -> Result<String, Ended> {

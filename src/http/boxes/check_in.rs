@@ -14,7 +14,7 @@ use crate::http::error::{HandlerResult, ProblemResponse, Refusal};
 use crate::http::read::{Json, PathKey};
 use crate::http::show::Time;
 use crate::http::state::App;
-use crate::store::BoxCommand;
+use crate::store::{BoxCommand, StoreError};
 
 /// A check-in at a box.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -33,7 +33,9 @@ pub struct NewCheckIn {
 
 /// Check a trainee in at a box
 ///
-/// It ends ten minutes after the last recording, at the box, with `DELETE`, or when another trainee checks in.
+/// It ends ten minutes after the last recording, at the box, with `DELETE`, or when another trainee checks in. If the
+/// consent is missing (403), a code of the box is used up all the same: the box says so, and starts no recording without a
+/// name by a key.
 #[utoipa::path(put, path = "/boxes/{id}/check-in", tag = "boxes",
     params(("id" = String, Path, description = "id or code")), request_body = NewCheckIn,
     responses((status = OK, body = BoxAgentResponse)))]
@@ -49,7 +51,13 @@ pub async fn check_in(
         Some(key) => Some(app.named_task(&by.scope, key).await?),
         None => None,
     };
-    app.store.consents().require(&by.scope, trainee.id).await?;
+    if let Err(refused) = app.store.consents().require(&by.scope, trainee.id).await {
+        let is_at_box = || new.code.as_deref().is_some_and(|code| app.box_agents.use_check_in_code(of, code));
+        if matches!(refused, StoreError::ConsentMissing { .. }) && is_at_box() {
+            app.box_agents.refuse_phone_check_in(of);
+        }
+        return Err(refused.into());
+    }
     if app.box_agents.was_recording(of) {
         let why = match app.box_agents.view(of).is_online {
             true => "The box is recording. Check in when the recording has ended.",

@@ -8,7 +8,7 @@ use trocar::media::{MediaLimits, VideoFile};
 
 use super::centre::Centre;
 use crate::box_agent::{BoxComputer, StandingAgent};
-use crate::support::{Client, poll, poll_json, problem, read};
+use crate::support::{Client, Service, poll, poll_json, problem, read};
 
 pub(super) const AGENT: &str = "/api/v1/boxes/box-1/agent";
 const DAY_MS: i64 = 86_400_000;
@@ -31,7 +31,17 @@ impl Box1 {
 
     /// The same with the computer that is made with the box's token.
     pub(super) async fn with_computer(make: impl FnOnce(&str) -> BoxComputer) -> Self {
-        let centre = Centre::open().await;
+        Self::of(Centre::open().await, make).await
+    }
+
+    /// The same with a service that phones can open.
+    async fn open_for_phones() -> Self {
+        let public = Some("https://trocar.example".to_owned());
+        let service = Service::start_with(|settings| settings.http.public_url = public).await;
+        Self::of(Centre::open_in(service).await, |token| BoxComputer::new(token, 60)).await
+    }
+
+    async fn of(centre: Centre, make: impl FnOnce(&str) -> BoxComputer) -> Self {
         let token = json!({"name": "box 1", "role": "agent", "box": "box-1"});
         let token = centre.administrator.make("/api/v1/tokens", token).await;
         let computer = make(token["token"].as_str().unwrap());
@@ -161,7 +171,7 @@ async fn trainees_record_themselves_only_and_not_without_consent() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_trainee_checks_in_with_the_code_on_the_screen_and_records_there() {
-    let box_1 = Box1::open().await;
+    let box_1 = Box1::open_for_phones().await;
     let agent = box_1.stand_by(&["--require-check-in"]).await;
     let refused = press(&agent, "/start", json!({})).await;
     assert_eq!(refused.status(), StatusCode::CONFLICT);
@@ -170,7 +180,8 @@ async fn a_trainee_checks_in_with_the_code_on_the_screen_and_records_there() {
     let state = screen_until(&agent, |state| state["check_in_address"].is_string()).await;
     let address = state["check_in_address"].as_str().unwrap();
     let (page, code) = address.split_once('#').unwrap();
-    assert!(page.ends_with("/check-in?box=box-1"), "{address}");
+    assert_eq!(page, "https://trocar.example/check-in?box=box-1");
+    assert_eq!(box_1.until(|_| true).await["unreachable_server"], Value::Null);
 
     let (ada, check_in) = (&box_1.centre.trainee, "/api/v1/boxes/box-1/check-in");
     let wrong = problem(ada.put(check_in, json!({"code": "nonsense"})).await, 422, "invalid").await;
@@ -473,4 +484,52 @@ async fn a_check_in_ends_at_once_with_the_consent_and_with_the_record() {
     check_in("ada-n").await;
     assert_eq!(admin.delete("/api/v1/trainees/ada-n").await.status(), StatusCode::NO_CONTENT);
     ended("no-record").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_check_in_with_the_phone_that_is_refused_for_missing_consent_reaches_the_box() {
+    let box_1 = Box1::open_for_phones().await;
+    let agent = box_1.stand_by(&[]).await;
+    let (admin, ada) = (&box_1.centre.administrator, &box_1.centre.trainee);
+    let text = json!({"en": {"title": "Recordings", "body": "We record you."}, "required_from": "2020-01-01"});
+    let text = admin.make("/api/v1/consent-texts", text).await["id"].clone();
+    let next_code = async |last: &str| {
+        let next = |state: &Value| state["check_in_address"].as_str().is_some_and(|next| !next.ends_with(last));
+        let state = screen_until(&agent, next).await;
+        state["check_in_address"].as_str().unwrap().split_once('#').unwrap().1.to_owned()
+    };
+    let code = next_code("#none").await;
+    let put = async |code: &str| ada.put("/api/v1/boxes/box-1/check-in", json!({"code": code})).await;
+    problem(put("nonsense").await, 403, "consent-missing").await;
+    assert_eq!(screen_state(&agent).await["is_phone_refused"], false, "the person may be elsewhere");
+    problem(put(&code).await, 403, "consent-missing").await;
+    let state = screen_until(&agent, |state| state["is_phone_refused"] == true).await;
+    assert_eq!((&state["needs_unnamed_button"], &state["checked_in"]), (&json!(true), &Value::Null));
+    let refused = press(&agent, "/start", json!({})).await;
+    assert_eq!(refused.status(), StatusCode::CONFLICT);
+    assert!(refused.json::<Value>().await.unwrap()["why"].as_str().unwrap().contains("ended or refused"));
+    assert_eq!(screen_state(&agent).await["state"]["recording"], Value::Null);
+    // An agent that starts again hears of it, and the code was used up.
+    let state_of = |state: &Value| (state["is_phone_refused"].clone(), state["needs_unnamed_button"].clone());
+    ada.make("/api/v1/trainees/ada/consents", json!({"text": text, "decision": "given"})).await;
+    problem(put(&code).await, 422, "invalid").await;
+    agent.kill();
+    let agent = box_1.stand_by(&[]).await;
+    screen_until(&agent, |state| state_of(state) == (json!(true), json!(true))).await;
+    let state = screen_until(&agent, |state| state["check_in_address"].is_string()).await;
+    let code = state["check_in_address"].as_str().unwrap().split_once('#').unwrap().1.to_owned();
+    read(put(&code).await, StatusCode::OK).await;
+    let state = screen_until(&agent, |state| state["checked_in"].is_object()).await;
+    assert_eq!(state_of(&state), (json!(false), json!(false)));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_service_that_phones_cannot_open_shows_no_code_and_says_so() {
+    let box_1 = Box1::open().await;
+    let agent = box_1.stand_by(&[]).await;
+    let server = format!("http://{}", box_1.centre.service.address());
+    let state = screen_until(&agent, |state| !state["unreachable_server"].is_null()).await;
+    assert_eq!((&state["unreachable_server"], &state["check_in_address"]), (&json!(server), &Value::Null));
+    let seen = box_1.centre.instructor.read(AGENT).await;
+    assert_eq!(seen["unreachable_server"], server, "{seen}");
 }
