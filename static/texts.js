@@ -5,8 +5,11 @@ const FILES = { en: () => import('./texts/en.js'), de: () => import('./texts/de.
 /** The name of each language, in that language. */
 export const LANGUAGES = { en: 'English', de: 'Deutsch' };
 
-/** The language that the user chose, else the first of the browser's languages that Trocar has, else English. */
-export const language = [storedLanguage(), ...browserLanguages().map(baseLanguage), 'en'].find(tag => Object.hasOwn(FILES, tag));
+/**
+ * The language that the page is served in, which only a box's screen has; else the one that the user chose, else the first
+ * of the browser's languages that Trocar has, else English.
+ */
+export const language = [document.documentElement.dataset.language, storedLanguage(), ...browserLanguages().map(baseLanguage), 'en'].find(tag => Object.hasOwn(FILES, tag));
 /** The language tag for dates and numbers, with the region if the browser names one, such as `de-AT`. */
 export const region = browserLanguages().find(tag => baseLanguage(tag) === language) ?? language;
 /** The `lang` attribute for English sentences of the service; undefined if the page is English too. */

@@ -2,7 +2,7 @@
 // serves it, and it speaks to nothing else.
 import { html, render, useEffect, useRef, useState } from '../preact.js';
 import { clock, number } from '../format.js';
-import { t } from '../texts.js';
+import { serviceLang, t } from '../texts.js';
 import { QrCode } from '../setup/qr.js';
 
 const words = t.boxScreen;
@@ -38,14 +38,18 @@ function useAgentState() {
   return state;
 }
 
-/** Asks the agent for a change. Returns why it refused, or null. */
+/**
+ * Asks the agent for a change. Returns why it refused, in the page's language, with a technical detail if there is one; or
+ * null.
+ */
 async function ask(path, body = {}) {
   try {
     const answer = await fetch(path, { method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(body) });
     if (answer.ok) return null;
-    return (await answer.json().catch(() => ({}))).why ?? words.refused;
+    const { kind, detail } = await answer.json().catch(() => ({}));
+    return { text: words.refusedFor[kind] ?? words.refused, detail };
   } catch {
-    return words.noAgent;
+    return { text: words.noAgent };
   }
 }
 
@@ -66,7 +70,7 @@ function Screen() {
     const body = running ? {} : { without_name: withoutName, on_movement: onMovement && !withoutName };
     const refused = await ask(running ? '/stop' : '/start', body);
     const needsButton = !running && !state.checked_in && !state.requires_check_in && !withoutName && state.needs_unnamed_button;
-    setWhy(refused && needsButton ? words.needsButton : refused);
+    setWhy(refused && needsButton ? { text: words.needsButton } : refused);
   };
   const trainee = state?.checked_in?.trainee.id;
   useEffect(() => setWhy(null), [trainee]); // the refusal was about the person before
@@ -100,9 +104,9 @@ function Screen() {
       ${awaited && html`<${Awaited} state=${state} />`}
       ${!running && state.checked_in && html`<${CheckedIn} state=${state} />`}
       ${!running && !state.checked_in && html`<${CheckInWays} state=${state} />`}
-      ${why && html`<p class="notice warn" role="alert"><strong>${why}</strong></p>`}
-      ${state.start_failed && !running && html`<p class="notice warn" role="alert"><strong>${words.startFailed}</strong>
-        <span class="small">${state.start_failed}</span></p>`}
+      <${Refusal} refusal=${why} />
+      ${state.start_failed && !running && html`<div class="notice warn" role="alert"><div><strong>${words.startFailed}</strong>
+        <p>${words.refusedFor[state.start_failed.kind]}</p><${Detail} text=${state.start_failed.detail} /></div></div>`}
       ${(running || awaited || state.checked_in) && html`<button class=${`press ${running ? 'stop' : ''}`} type="button"
         disabled=${!running && !mayStart} onClick=${() => press()}>${pressText(running, awaited, isMovementUsual)}</button>
         <div class="row apart"><span class="muted">${words.keyHint(keyName(key))}</span>
@@ -147,11 +151,23 @@ function Elapsed({ from, readAt }) {
   return html`<p class="elapsed" role="timer">${clock(from + Math.max(0, now - readAt) / 1000, 0)}</p>`;
 }
 
+/** Why something was refused. @param {Props} props */
+const Refusal = ({ refusal }) =>
+  refusal && html`<div class="notice warn" role="alert"><div><strong>${refusal.text}</strong><${Detail} text=${refusal.detail} /></div></div>`;
+
+/** What the server, FFmpeg or the system says: in English, and for people who look into it. @param {Props} props */
+const Detail = ({ text }) => text && html`<p class="small">${words.details}: <span lang=${serviceLang}>${text}</span></p>`;
+
 /** @param {Props} props */
 const Warnings = ({ state }) => html`
-  ${!state.is_connected && html`<p class="notice warn"><strong>${words.awayBody}</strong>
-    ${state.trouble && html`<span class="small">${state.trouble}</span>`}</p>`}
-  ${!state.state.camera.is_open && html`<p class="notice bad" role="alert"><strong>${words.cameraMissing}</strong></p>`}
+  ${!state.is_connected && html`<div class="notice warn"><div><strong>${state.is_refused ? words.refusedByServer : words.awayBody}</strong>
+    <${Detail} text=${state.trouble} /></div></div>`}
+  ${!state.state.camera.is_open && html`<div class="notice bad" role="alert"><div><strong>${words.cameraFaults[state.camera_fault] ?? words.cameraMissing}</strong>
+    <${Detail} text=${state.state.camera.why} /></div></div>`}
+  ${state.state.spool.is_full && html`<p class="notice bad" role="alert"><strong>${words.isFull}</strong></p>`}
+  ${state.has_ended_for_space && html`<p class="notice bad" role="alert"><strong>${words.endedForSpace}</strong></p>`}
+  ${state.state.spool.refused && html`<div class="notice warn"><div><strong>${words.recordingKept}</strong>
+    <${Detail} text=${state.state.spool.refused} /></div></div>`}
   ${state.is_clock_wrong && html`<p class="notice warn"><strong>${words.clockWrong}</strong></p>`}`;
 
 /** @param {Props} props */
@@ -186,20 +202,23 @@ function CheckInWays({ state }) {
     ask('/check-in', { trainee: form.elements.trainee.value, pin: form.elements.pin.value }).then(setTyped);
     form.elements.pin.value = '';
   };
-  const refusal = typed ?? (state.refusal ? words.refusals[state.refusal[0]](Math.ceil(state.refusal[1] / 60)) : null);
+  const refusal = typed ?? (state.refusal && { text: words.refusals[state.refusal[0]](Math.ceil(state.refusal[1] / 60)) });
   return html`
     <section class="stack">
       <p class="who">${words.whoTrains}</p>
       ${state.check_in_end && html`<p class="notice warn" role="alert"><strong>${words.ends[state.check_in_end]}</strong></p>`}
+      ${state.is_phone_refused && html`<p class="notice warn" role="alert"><strong>${words.phoneRefused}</strong></p>`}
       ${state.last_unnamed && html`<p class="notice busy" role="status"><strong>${words.unnamedStates[state.last_unnamed]}</strong></p>`}
       <div class="ways">
+        ${state.unreachable_server && html`<div class="stack tight"><h2>${words.byPhone}</h2>
+          <div class="notice warn"><div><strong>${words.noPhone}</strong><p class="small">${words.noPhoneBody(state.unreachable_server)}</p></div></div></div>`}
         ${state.check_in_address && html`<div class="stack tight"><h2>${words.byPhone}</h2>
           <${QrCode} text=${state.check_in_address} name=${words.byPhone} /><p>${words.byPhoneBody}</p></div>`}
         <form class="stack tight" onSubmit=${send}>
           <h2>${words.byPin}</h2>
           <div class="field"><label for="trainee">${words.code}</label><input id="trainee" name="trainee" required maxlength="64" autocomplete="off" autocapitalize="none" /></div>
           <div class="field"><label for="pin">${words.pin}</label><input id="pin" name="pin" type="password" required maxlength="8" inputmode="numeric" autocomplete="off" /></div>
-          ${refusal && html`<p class="notice warn" role="alert"><strong>${refusal}</strong></p>`}
+          <${Refusal} refusal=${refusal} />
           <p><button class="button main">${words.checkIn}</button></p>
           <p class="muted">${words.pinHint}</p>
         </form>

@@ -38,6 +38,9 @@ export default function CheckIn({ person, route }) {
     event.preventDefault();
     send(() => api.boxes.checkIn(box.id, { code, task: task || undefined }), true);
   };
+  if (refused?.type.endsWith('/consent-missing'))
+    return html`<${PageHead} title=${words.title} lead=${box.name} />
+      <${Notice} tone="warn" title=${words.noConsent}>${words.noConsentBody} <a href=${href(['account'])}>${words.toConsent}</a><//>`;
   if (isIn)
     return html`<${PageHead} title=${words.title} lead=${box.name} />
       <div class="stack">

@@ -6,7 +6,7 @@
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
-import { createServer } from 'node:net';
+import { connect, createServer } from 'node:net';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
@@ -27,6 +27,7 @@ let trainee;
 let screen;
 let agent;
 let port;
+let publicWay;
 
 before(async () => {
   browser = await launch();
@@ -35,6 +36,7 @@ before(async () => {
 
 after(async () => {
   agent?.kill('SIGKILL');
+  publicWay?.close();
   await browser?.close();
   rmSync(folder, { recursive: true });
 });
@@ -48,9 +50,23 @@ const freePort = () =>
     });
   });
 
-async function standBy() {
+/** A way to the service under a name that a phone could open. Returns its address. */
+const underPublicName = () =>
+  new Promise(done => {
+    const { hostname, port: of } = new URL(url);
+    publicWay = createServer(from => {
+      const to = connect(Number(of), hostname);
+      from.once('data', head => {
+        to.write(head.toString('latin1').replace(/^host: .*$/im, 'Host: trocar.example'), 'latin1');
+        from.pipe(to).pipe(from);
+      });
+      for (const [one, other] of [[from, to], [to, from]]) one.on('error', () => other.destroy()).on('close', () => other.destroy());
+    }).listen(0, '127.0.0.1', () => done(`http://127.0.0.1:${publicWay.address().port}`));
+  });
+
+async function standBy({ server = url, more = [] } = {}) {
   port = await freePort();
-  const args = ['agent', 'stand-by', '--server', url, '--box', made.box.code, '--token-file', join(folder, 'token'), '--spool', join(folder, 'spool'), '--screen', String(port)];
+  const args = ['agent', 'stand-by', ...more, '--server', server, '--box', made.box.code, '--token-file', join(folder, 'token'), '--spool', join(folder, 'spool'), '--screen', String(port)];
   agent = spawn(requiredEnv('TROCAR_PROGRAM'), [...args, requiredEnv('TROCAR_CLIP')], { stdio: ['ignore', 'ignore', 'inherit'] });
 }
 
@@ -98,7 +114,7 @@ test('a trainee checks in with a PIN, and a key starts and stops', async () => {
   await button(trainee, 'Set the PIN').click();
   await trainee.page.getByText('The PIN was set.').waitFor();
   await screen.page.goto(`http://127.0.0.1:${port}/`);
-  await screen.page.locator('svg.qr').waitFor();
+  await screen.page.getByText('a phone cannot open the address of the server').waitFor();
   assert.deepEqual(await violationsOf(screen.page), []);
   await screen.takePictures('check-in');
   await screen.page.fill('[name=trainee]', made.nia.code);
@@ -205,18 +221,57 @@ test('after a check-in that was ended, the pedal starts no recording without a n
   }, 'the end of the recording');
 });
 
+test('the page of the box says why its screen shows no code', async () => {
+  await admin.open(`/boxes/${made.box.code}`);
+  await admin.page.getByText('The box shows no code for the check-in with the phone').waitFor();
+  await admin.takePictures('no-code');
+});
+
+test('the screen is in the language of the agent, also what is refused', async () => {
+  agent.kill('SIGKILL');
+  await standBy({ server: await underPublicName(), more: ['--language', 'de', '--require-check-in'] });
+  await waitUntil(async () => (await screenState().catch(() => ({}))).check_in_address, 'the address of the code');
+  await screen.page.goto(`http://127.0.0.1:${port}/`);
+  await screen.page.locator('svg.qr').waitFor();
+  assert.equal(await screen.page.locator('html').getAttribute('lang'), 'de');
+  await screen.takePictures('code');
+  await screen.page.keyboard.press('Space');
+  await screen.page.getByText('Diese Box nimmt nichts ohne Namen auf').waitFor();
+  await screen.page.route('**/state*', async route => {
+    const state = await (await route.fetch()).json();
+    state.state.camera = { ...state.state.camera, is_open: false, why: 'the source cannot be opened (Device or resource busy)' };
+    Object.assign(state, { is_phone_refused: true, has_ended_for_space: true, camera_fault: 'busy', is_connected: false, is_refused: true, trouble: 'the token is not valid (401)' });
+    await route.fulfill({ json: state });
+  });
+  await screen.page.getByText('Die Anmeldung mit dem Telefon wurde abgelehnt').waitFor();
+  await screen.page.getByText('Ein anderes Programm dieses Rechners benutzt die Kamera').waitFor();
+  assert.equal(await screen.page.locator('[lang=en]').filter({ hasText: 'resource busy' }).count(), 1);
+  assert.deepEqual(await violationsOf(screen.page), []);
+  await screen.takePictures('refused');
+  await screen.page.unrouteAll({ behavior: 'ignoreErrors' });
+});
+
 test('a trainee checks in from the phone', async () => {
   await waitUntil(async () => (await screenState()).check_in_address, 'the address of the code');
   const { check_in_address: address } = await screenState();
-  await trainee.page.goto(address);
+  await trainee.page.goto(address.replace(/^.*(?=\/check-in)/, url));
   await button(trainee, 'Check in').waitFor();
+  const refusal = { type: '/problems/consent-missing', title: 'The trainee does not consent to recordings', status: 403, consent: 'missing' };
+  await trainee.page.route('**/check-in', route => (route.request().method() === 'PUT'
+    ? route.fulfill({ status: 403, contentType: 'application/problem+json', body: JSON.stringify(refusal) }) : route.continue()));
+  await button(trainee, 'Check in').click();
+  await trainee.page.getByText('Then scan the code on the screen of the box again.').waitFor();
+  assert.deepEqual(await violationsOf(trainee.page), []);
+  await trainee.takePictures('no-consent');
+  await trainee.page.unrouteAll({ behavior: 'ignoreErrors' });
+  await trainee.page.reload();
   await trainee.takePictures('phone');
   await button(trainee, 'Check in').click();
   await trainee.page.getByText(`You are checked in at ${made.box.name}`).waitFor();
   assert.deepEqual(await violationsOf(trainee.page), []);
   await screen.page.getByText(NAME).waitFor({ timeout: 10_000 });
   await button(trainee, 'Check out').click();
-  await screen.page.getByText('Who trains?').waitFor({ timeout: 10_000 });
+  await screen.page.getByText('Wer trainiert?').waitFor({ timeout: 10_000 });
 });
 
 test('the pages show that a box fell silent', async () => {

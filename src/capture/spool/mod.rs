@@ -315,6 +315,7 @@ pub enum NoSpace {
     },
 }
 
-fn is_disk_full(error: &io::Error) -> bool {
+/// True if an error says that there is no space.
+pub(super) fn is_disk_full(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge)
 }

@@ -11,6 +11,7 @@ use tokio::time::{Instant, sleep};
 
 use super::Standby;
 use super::movement::{MovementDetector, PictureMotion};
+use super::refusal::BoxRefusal;
 use crate::domain::box_agent::CHECK_IN_IDLE;
 use crate::domain::box_agent::messages::{CheckedIn, NamedTask, NamedTrainee};
 use crate::domain::box_agent::state::AwaitedStartState;
@@ -48,10 +49,10 @@ impl Standby {
     /// Starts a recording of this trainee with the first movement in the picture. It replaces another one that is awaited.
     ///
     /// # Errors
-    /// Why not, for people.
-    pub(super) fn await_movement(&self, trainee: NamedTrainee, task: NamedTask) -> Result<(), String> {
+    /// Why not.
+    pub(super) fn await_movement(&self, trainee: NamedTrainee, task: NamedTask) -> Result<(), BoxRefusal> {
         if self.running().is_some() {
-            return Err("a recording is running already".to_owned());
+            return Err(BoxRefusal::Running);
         }
         let number = {
             let mut facts = self.facts();
@@ -99,7 +100,7 @@ impl Standby {
     }
 
     /// Starts the recording that is awaited at once. `None`: none is awaited.
-    pub(super) fn start_awaited_now(&self) -> Option<Result<(), String>> {
+    pub(super) fn start_awaited_now(&self) -> Option<Result<(), BoxRefusal>> {
         let AwaitedStart { trainee, task, .. } = self.facts().awaited.clone()?;
         self.end_awaited_start(); // nothing from before is shown
         Some(self.start(FeedId::at(self.corrected_now_ms()), Some(trainee), Some(task)))
@@ -147,7 +148,7 @@ impl Standby {
                     sleep(PAUSE).await;
                 }
                 Ok(Watched::Failed(error)) => {
-                    self.fail_awaited(number, &format!("the pictures of the camera cannot be read ({error})"));
+                    self.fail_awaited(number, BoxRefusal::Pictures(error.to_string()));
                     return;
                 }
                 Err(_) => return, // a panic is logged where it happened
@@ -212,16 +213,16 @@ impl Standby {
         let id = FeedId::at(self.corrected_now_ms());
         tracing::info!(recording = %id, "movement in the picture");
         if let Err(why) = self.start(id, Some(trainee), Some(task)) {
-            self.fail_awaited(number, &why);
+            self.fail_awaited(number, why);
         }
     }
 
-    fn fail_awaited(&self, number: u64, why: &str) {
+    fn fail_awaited(&self, number: u64, why: BoxRefusal) {
         if self.awaited(number).is_none() {
             return;
         }
-        tracing::warn!(why, "the recording did not start with the movement");
-        self.facts().start_failed = Some(why.to_owned());
+        tracing::warn!(%why, "the recording did not start with the movement");
+        self.facts().start_failed = Some(why);
         self.end_awaited_start();
     }
 }

@@ -37,6 +37,7 @@ impl Standby {
                 Ok(socket) => self.talk(socket).await,
                 Err(ended) => ended,
             };
+            let is_refused = matches!(ended, DisconnectOutcome::Refused(_));
             let (why, pause) = match ended {
                 DisconnectOutcome::Retry { why, .. } => (why, PAUSE),
                 DisconnectOutcome::Refused(why) => (why, REFUSED_PAUSE),
@@ -48,7 +49,7 @@ impl Standby {
             last.clone_from(&why);
             {
                 let mut facts = self.facts();
-                (facts.is_connected, facts.trouble) = (false, why);
+                (facts.is_connected, facts.is_refused, facts.trouble) = (false, is_refused, why);
                 facts.set_check_in_address(None, None);
             }
             self.note_change();
@@ -119,7 +120,7 @@ impl Standby {
                 let unconfirmed = {
                     let mut facts = self.facts();
                     (facts.box_name, facts.light_reference) = (box_name, Some(light_reference));
-                    facts.is_connected = true;
+                    (facts.is_connected, facts.is_refused) = (true, false);
                     facts.trouble.clear();
                     let left = facts.left.map(|_| AgentMessage::CheckOut);
                     left.into_iter().chain(facts.chosen.map(|task| AgentMessage::Task { task })).collect::<Vec<_>>()
@@ -145,11 +146,11 @@ impl Standby {
                         self.start(recording, trainee, task)
                     }
                 };
-                let refused = started.err();
+                let refused = started.err().map(|why| why.to_string());
                 return self.answer(command, refused, sink).await;
             }
             ToAgent::Stop { command } => {
-                let refused = self.stop().await.err();
+                let refused = self.stop().await.err().map(|why| why.to_string());
                 return self.answer(command, refused, sink).await;
             }
             ToAgent::CheckedIn { by, ended } => {

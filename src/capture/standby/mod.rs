@@ -16,6 +16,7 @@
 //! | [`light`] | the brightness of the picture, compared with the time after the calibration |
 //! | [`link`] | the connection to the server |
 //! | `movement` | finding the first movement |
+//! | [`refusal`] | why the box does not do what was asked of it |
 //! | [`recording`] | start and end of a recording, and sending what the spool holds |
 //! | [`unnamed`] | recordings without a name, sent as files |
 //!
@@ -28,6 +29,7 @@ pub mod light;
 pub mod link;
 mod movement;
 pub mod recording;
+pub mod refusal;
 pub mod unnamed;
 
 use std::future::Future;
@@ -44,6 +46,7 @@ use awaited_start::AwaitedStart;
 use camera::CameraKeeper;
 use clock::{ComputerTime, ServerClock};
 use recording::RunningRecording;
+use refusal::{BoxRefusal, ShownRefusal};
 use unnamed::{SendFile, UnnamedState};
 
 use super::Agent;
@@ -118,6 +121,8 @@ struct Facts {
     is_connected: bool,
     /// Why there is no connection.
     trouble: String,
+    /// True if the server refused the last connection: a person has to act.
+    is_refused: bool,
     box_name: String,
     light_reference: Option<String>,
     clock: Option<ServerClock>,
@@ -149,7 +154,7 @@ struct Facts {
     /// Number of the last one that was awaited.
     last_awaited: u64,
     /// Why the last one that was awaited did not begin.
-    start_failed: Option<String>,
+    start_failed: Option<BoxRefusal>,
 }
 
 /// What the box's screen shows.
@@ -161,8 +166,12 @@ pub struct ScreenState {
     pub box_name: String,
     /// True while the server is connected.
     pub is_connected: bool,
-    /// Why it is not.
+    /// Why it is not, in technical words.
     pub trouble: String,
+    /// True if it refuses the box: a person has to act.
+    pub is_refused: bool,
+    /// Why the camera is missing, as a name that the screen has a text for.
+    pub camera_fault: Option<&'static str>,
     /// The state as the server hears it.
     pub state: AgentState,
     /// True if the clock of this computer has to be set.
@@ -178,7 +187,7 @@ pub struct ScreenState {
     /// Name of the trainee whose recording begins with the first movement.
     pub awaited: Option<String>,
     /// Why a recording that was to begin with the first movement did not.
-    pub start_failed: Option<String>,
+    pub start_failed: Option<ShownRefusal>,
     /// True if key and pedal start no recording without a name, but only the button that says so.
     pub needs_unnamed_button: bool,
     /// What became of the last recording, if it has no name.
@@ -285,6 +294,8 @@ impl Standby {
             box_name: facts.box_name.clone(),
             is_connected: facts.is_connected,
             trouble: facts.trouble.clone(),
+            is_refused: facts.is_refused,
+            camera_fault: state.camera.why.as_deref().map(refusal::camera_fault),
             is_clock_wrong: state.clock.is_some_and(ClockState::is_wrong),
             state,
             checked_in: facts.checked_in.clone(),
@@ -295,7 +306,7 @@ impl Standby {
             requires_check_in: self.parts().requires_check_in,
             starts_on_movement: self.parts().starts_on_movement,
             awaited: facts.awaited.as_ref().map(|awaited| awaited.trainee.name.clone()),
-            start_failed: facts.start_failed.clone(),
+            start_failed: facts.start_failed.as_ref().map(ShownRefusal::from),
             needs_unnamed_button: facts.needs_unnamed_button,
             last_unnamed: facts.last_unnamed.map(|(_, state)| state),
             recorded,

@@ -8,6 +8,7 @@ use tokio::time::{Instant, timeout};
 
 use super::Standby;
 use super::camera::RecordedCamera;
+use super::refusal::BoxRefusal;
 use super::unnamed::{self, UnnamedState};
 use crate::capture::recorder::{RecordingRules, record};
 use crate::capture::sender::{SendOutcome, send};
@@ -95,8 +96,8 @@ impl Standby {
     /// Starts a recording at the box: of the trainee who is checked in, or without a name.
     ///
     /// # Errors
-    /// Why not, for people.
-    pub fn start_at_box(&self, press: StartPress) -> Result<(), String> {
+    /// Why not.
+    pub fn start_at_box(&self, press: StartPress) -> Result<(), BoxRefusal> {
         if press == StartPress::Start
             && let Some(started) = self.start_awaited_now()
         {
@@ -108,21 +109,16 @@ impl Standby {
             (facts.checked_in.clone(), facts.needs_unnamed_button && !self.parts().requires_check_in)
         };
         match (checked_in, press) {
-            (Some(_), StartPress::WithoutName) => Err("a trainee has checked in meanwhile: press Start".to_owned()),
+            (Some(_), StartPress::WithoutName) => Err(BoxRefusal::CheckedIn),
             (Some(CheckedIn { trainee, task: Some(task), .. }), StartPress::Start) => {
                 self.start(id, Some(trainee), Some(task))
             }
             (Some(CheckedIn { trainee, task: Some(task), .. }), StartPress::OnMovement) => {
                 self.await_movement(trainee, task)
             }
-            (Some(_), StartPress::Start | StartPress::OnMovement) => Err("choose a task first".to_owned()),
-            (None, StartPress::OnMovement) => {
-                Err("check in first: a recording without a name does not begin by itself".to_owned())
-            }
-            (None, StartPress::Start) if needs_button => {
-                Err("check in first, or press the button Record without a name: the last check-in was ended or refused"
-                    .to_owned())
-            }
+            (Some(_), StartPress::Start | StartPress::OnMovement) => Err(BoxRefusal::NoTask),
+            (None, StartPress::OnMovement) => Err(BoxRefusal::MovementNeedsCheckIn),
+            (None, StartPress::Start) if needs_button => Err(BoxRefusal::NeedsButton),
             (None, StartPress::Start | StartPress::WithoutName) => {
                 self.end_awaited_start();
                 self.start(id, None, None)?;
@@ -135,24 +131,24 @@ impl Standby {
     /// Starts a recording; without a trainee it waits for a name.
     ///
     /// # Errors
-    /// Why not, for people.
+    /// Why not.
     pub(super) fn start(
         &self,
         id: FeedId,
         trainee: Option<NamedTrainee>,
         task: Option<NamedTask>,
-    ) -> Result<(), String> {
+    ) -> Result<(), BoxRefusal> {
         if trainee.is_some() && task.is_none() {
-            return Err("choose a task first".to_owned());
+            return Err(BoxRefusal::NoTask);
         }
         if trainee.is_none() && self.parts().requires_check_in {
-            return Err("check in first: this box makes no recordings without a name".to_owned());
+            return Err(BoxRefusal::NeedsCheckIn);
         }
         let mut running = self.running();
         if running.is_some() {
-            return Err("a recording is running already".to_owned());
+            return Err(BoxRefusal::Running);
         }
-        let camera = self.parts().camera.begin().ok_or("the camera is missing")?;
+        let camera = self.parts().camera.begin().ok_or(BoxRefusal::CameraMissing)?;
         let began = camera.first_arrived.unwrap_or_else(Instant::now);
         let start = self.uncorrected_start(began);
         let hello = self.hello(id, (trainee.as_ref(), task.as_ref()), &camera);
@@ -160,7 +156,7 @@ impl Standby {
         let begun = block_in_place(|| self.parts().agent.spool().begin_uncorrected(hello, in_box, start));
         if let Err(error) = begun {
             self.parts().camera.end();
-            return Err(format!("the spool cannot be written ({error}): free space on the computer of the box"));
+            return Err(BoxRefusal::of_disk(&error));
         }
         self.parts().agent.status().captured = 0;
         let ending = Shutdown::new();
@@ -237,15 +233,15 @@ impl Standby {
     ///
     /// # Errors
     /// There is none, or it is ending already.
-    pub async fn stop(&self) -> Result<(), String> {
+    pub async fn stop(&self) -> Result<(), BoxRefusal> {
         if self.end_awaited_start() {
             return Ok(());
         }
         {
             let running = self.running();
-            let running = running.as_ref().ok_or("no recording is running")?;
+            let running = running.as_ref().ok_or(BoxRefusal::NotRunning)?;
             if running.ending.is_begun() {
-                return Err("the recording is ending: its last frames are being written".to_owned());
+                return Err(BoxRefusal::Ending);
             }
             running.ending.begin();
         }

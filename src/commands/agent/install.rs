@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow};
 
 use super::key_value;
+use super::screen::ScreenLanguage;
 use super::standby::installed_spool;
 use crate::capture::connection::{DisconnectOutcome, Server};
 use crate::commands::CommandFailure;
@@ -48,6 +49,9 @@ pub(super) struct InstallArgs {
     /// Key on that page that starts and stops, such as Space, Enter, F9 or KeyB
     #[arg(long, value_name = "KEY", requires = "screen")]
     key: Option<String>,
+    /// Language of that page; by default that of its browser
+    #[arg(long, value_enum, requires = "screen")]
+    language: Option<ScreenLanguage>,
     /// FFmpeg option for the camera, such as video_size=1280x720; may be repeated
     #[arg(long = "option", value_name = "KEY=VALUE", value_parser = key_value)]
     options: Vec<(String, String)>,
@@ -256,6 +260,9 @@ fn unit(args: &InstallArgs, program: &Path) -> Result<String, String> {
     if let Some(key) = &args.key {
         add(&["--key", key])?;
     }
+    if let Some(language) = args.language {
+        add(&["--language", language.tag()])?;
+    }
     if args.require_check_in {
         add(&["--require-check-in"])?;
     }
@@ -339,6 +346,7 @@ mod tests {
             token_file: "token".into(),
             screen: Some(8090),
             key: Some("F9".to_owned()),
+            language: Some(ScreenLanguage::De),
             options: vec![("video_size".to_owned(), "1280x720".to_owned())],
             require_check_in: true,
             start_on_movement: true,
@@ -352,7 +360,7 @@ mod tests {
     fn the_unit_starts_the_agent_with_these_arguments() {
         let unit = unit(&args("/dev/video0"), Path::new("/usr/bin/trocar")).unwrap();
         let command = "ExecStart=/usr/bin/trocar agent stand-by --token-file %d/token --spool /var/lib/trocar-agent \
-                       --server https://trocar.example --box box-1 --screen 8090 --key F9 \
+                       --server https://trocar.example --box box-1 --screen 8090 --key F9 --language de \
                        --require-check-in --start-on-movement --option video_size=1280x720 /dev/video0\n";
         assert!(unit.contains(command), "{unit}");
         assert!(unit.contains("LoadCredential=token:/etc/trocar/agent.token\n") && unit.contains("Restart=always\n"));

@@ -21,6 +21,7 @@ use tokio::time::timeout;
 
 use crate::capture::standby::Standby;
 use crate::capture::standby::recording::StartPress;
+use crate::capture::standby::refusal::{BoxRefusal, ShownRefusal};
 use crate::http::dashboard::public_file;
 use crate::shutdown::Shutdown;
 
@@ -41,6 +42,27 @@ pub(super) struct ScreenSettings {
     pub(super) port: u16,
     /// The key that starts and stops, as `KeyboardEvent.code` names it.
     pub(super) key: String,
+    /// The language of the page; `None`: that of its browser.
+    pub(super) language: Option<ScreenLanguage>,
+}
+
+/// A language of the page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum ScreenLanguage {
+    /// English.
+    En,
+    /// German.
+    De,
+}
+
+impl ScreenLanguage {
+    /// Its tag.
+    pub(super) fn tag(self) -> &'static str {
+        match self {
+            Self::En => "en",
+            Self::De => "de",
+        }
+    }
 }
 
 /// The page's server.
@@ -55,6 +77,7 @@ struct ScreenApp {
     standby: Standby,
     address: SocketAddr,
     key: String,
+    language: Option<ScreenLanguage>,
 }
 
 impl Screen {
@@ -68,7 +91,8 @@ impl Screen {
 
     /// Serves the page until the shutdown.
     pub(super) async fn serve(self, standby: Standby, shutdown: Shutdown) {
-        let app = ScreenApp { standby, address: self.address, key: self.settings.key };
+        let ScreenSettings { key, language, .. } = self.settings;
+        let app = ScreenApp { standby, address: self.address, key, language };
         let routes = Router::new()
             .route("/state", get(state))
             .route("/start", post(start))
@@ -174,7 +198,7 @@ async fn check_in(State(app): State<ScreenApp>, body: Bytes) -> Response {
     };
     match app.standby.check_in(trainee, pin) {
         true => StatusCode::NO_CONTENT.into_response(),
-        false => answer(Err("no connection to the server: check in when it is back".to_owned())),
+        false => answer(Err(BoxRefusal::NotConnected)),
     }
 }
 
@@ -194,18 +218,24 @@ async fn choose_task(State(app): State<ScreenApp>, body: Bytes) -> Response {
     if app.standby.choose_task(&task) { StatusCode::NO_CONTENT } else { StatusCode::CONFLICT }.into_response()
 }
 
-fn answer(done: Result<(), String>) -> Response {
+/// A refusal has a kind, which the page has a text for, and a technical detail if there is one.
+fn answer(done: Result<(), BoxRefusal>) -> Response {
     match done {
         Ok(()) => StatusCode::NO_CONTENT.into_response(),
-        Err(why) => (StatusCode::CONFLICT, axum::Json(json!({ "why": why }))).into_response(),
+        Err(why) => (StatusCode::CONFLICT, axum::Json(ShownRefusal::from(&why))).into_response(),
     }
 }
 
 /// The page and the files that it loads: it shares texts and modules with the dashboard.
-async fn file(request: Request) -> Response {
+async fn file(State(app): State<ScreenApp>, request: Request) -> Response {
     let path = request.uri().path().trim_start_matches('/');
     let found = public_file(if path.is_empty() { PAGE } else { path });
     let Some((content, kind)) = found else { return StatusCode::NOT_FOUND.into_response() };
+    if let Some(language) = app.language.filter(|_| path.is_empty()) {
+        let page = String::from_utf8_lossy(&content);
+        let page = page.replacen("<html ", &format!("<html data-language=\"{}\" ", language.tag()), 1);
+        return ([(header::CONTENT_TYPE, kind)], page).into_response();
+    }
     ([(header::CONTENT_TYPE, kind)], content.into_owned()).into_response()
 }
 

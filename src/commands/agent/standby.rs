@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 
-use super::screen::{Screen, ScreenSettings};
+use super::screen::{Screen, ScreenLanguage, ScreenSettings};
 use super::send_unnamed::send_unnamed;
 use super::{
     LockTiming, SPOOL_BYTES, camera_note_path, checked_server, key_value, lock_controls, restrict_new_files_to_owner,
@@ -64,6 +64,9 @@ pub(super) struct StandbyArgs {
     /// Key on that page that starts and stops, such as Space, Enter, F9 or KeyB; a foot pedal is a keyboard with one key
     #[arg(long, value_name = "KEY", default_value = SCREEN_KEY, requires = "screen")]
     key: String,
+    /// Language of that page; by default that of its browser
+    #[arg(long, value_enum, requires = "screen")]
+    language: Option<ScreenLanguage>,
     /// Make no recordings without a name: the button and the key do nothing until a trainee has checked in
     #[arg(long)]
     require_check_in: bool,
@@ -118,7 +121,7 @@ pub(super) fn run(args: StandbyArgs) -> Result<(), CommandFailure> {
             shutdown: shutdown.clone(),
         });
         if let Some(port) = args.screen {
-            let settings = ScreenSettings { port, key: args.key.clone() };
+            let settings = ScreenSettings { port, key: args.key.clone(), language: args.language };
             let screen = Screen::bind(settings).await.map_err(|error| {
                 CommandFailure::Input(anyhow!("--screen {port}: the page cannot be served there ({error})"))
             })?;

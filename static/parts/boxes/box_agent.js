@@ -50,6 +50,7 @@ const sinceText = when => (date(when) === date(new Date().toISOString()) ? dateT
 function faultOf(agent) {
   if (agent.camera && !agent.camera.is_open) return words.cameraMissing;
   if (agent.clock?.is_wrong) return words.clockWrong;
+  if (agent.spool?.is_full) return words.isFull;
   if (agent.spool?.refused) return words.refused;
   return null;
 }
@@ -79,6 +80,8 @@ function LiveAgent({ box, agent, person, onChange }) {
   return html`
     ${agent.camera && !agent.camera.is_open && html`<${Notice} tone="bad" title=${words.missingFor(clock(agent.camera.missing_s ?? 0, 0))}>${words.missingBody}<//>`}
     ${agent.clock?.is_wrong && html`<${Notice} tone="warn" title=${words.offBy(offsetText(agent.clock.offset_ms))}>${words.offByBody}<//>`}
+    ${agent.spool?.is_full && html`<${Notice} tone="bad" title=${words.isFullTitle}>${words.isFullBody}<//>`}
+    ${agent.unreachable_server && may(person, 'upload') && html`<${Notice} tone="warn" title=${words.noPhone}>${words.noPhoneBody(agent.unreachable_server)}<//>`}
     ${agent.spool?.refused && html`<${Notice} tone="bad" title=${words.refused}>${agent.spool.refused}<//>`}
     <${AgentCommands} box=${box} agent=${agent} person=${person} onChange=${onChange} />
     <dl class="facts">

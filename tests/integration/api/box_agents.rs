@@ -176,7 +176,7 @@ async fn a_trainee_checks_in_with_the_code_on_the_screen_and_records_there() {
     let refused = press(&agent, "/start", json!({})).await;
     assert_eq!(refused.status(), StatusCode::CONFLICT);
     let why: Value = refused.json().await.unwrap();
-    assert!(why["why"].as_str().unwrap().contains("check in first"), "{why}");
+    assert_eq!(why["kind"], "needs-check-in", "{why}");
     let state = screen_until(&agent, |state| state["check_in_address"].is_string()).await;
     let address = state["check_in_address"].as_str().unwrap();
     let (page, code) = address.split_once('#').unwrap();
@@ -449,7 +449,7 @@ async fn a_check_in_ends_at_once_with_the_consent_and_with_the_record() {
     let refused = press(&agent, "/start", json!({})).await;
     assert_eq!(refused.status(), StatusCode::CONFLICT);
     let why: Value = refused.json().await.unwrap();
-    assert!(why["why"].as_str().unwrap().contains("ended or refused"), "{why}");
+    assert_eq!(why["kind"], "needs-button", "{why}");
     assert_eq!(press(&agent, "/start", json!({"without_name": true})).await.status(), StatusCode::NO_CONTENT);
     assert_eq!(screen_state(&agent).await["needs_unnamed_button"], false);
     assert_eq!(press(&agent, "/stop", json!({})).await.status(), StatusCode::NO_CONTENT);
@@ -507,7 +507,7 @@ async fn a_check_in_with_the_phone_that_is_refused_for_missing_consent_reaches_t
     assert_eq!((&state["needs_unnamed_button"], &state["checked_in"]), (&json!(true), &Value::Null));
     let refused = press(&agent, "/start", json!({})).await;
     assert_eq!(refused.status(), StatusCode::CONFLICT);
-    assert!(refused.json::<Value>().await.unwrap()["why"].as_str().unwrap().contains("ended or refused"));
+    assert_eq!(refused.json::<Value>().await.unwrap()["kind"], "needs-button");
     assert_eq!(screen_state(&agent).await["state"]["recording"], Value::Null);
     // An agent that starts again hears of it, and the code was used up.
     let state_of = |state: &Value| (state["is_phone_refused"].clone(), state["needs_unnamed_button"].clone());
@@ -526,10 +526,12 @@ async fn a_check_in_with_the_phone_that_is_refused_for_missing_consent_reaches_t
 #[tokio::test(flavor = "multi_thread")]
 async fn a_service_that_phones_cannot_open_shows_no_code_and_says_so() {
     let box_1 = Box1::open().await;
-    let agent = box_1.stand_by(&[]).await;
+    let agent = box_1.stand_by(&["--language", "de"]).await;
     let server = format!("http://{}", box_1.centre.service.address());
     let state = screen_until(&agent, |state| !state["unreachable_server"].is_null()).await;
     assert_eq!((&state["unreachable_server"], &state["check_in_address"]), (&json!(server), &Value::Null));
     let seen = box_1.centre.instructor.read(AGENT).await;
     assert_eq!(seen["unreachable_server"], server, "{seen}");
+    let page = reqwest::get(agent.screen("/")).await.unwrap().text().await.unwrap();
+    assert!(page.contains("data-language=\"de\""), "{page}");
 }
