@@ -11,6 +11,7 @@
 //! | file | holds |
 //! |---|---|
 //! | [`controls`] | switching off a camera's automatic controls |
+//! | [`held_controls`] | holding them while a recording runs |
 //! | [`source`] | the frames of a source, over its interruptions |
 //! | [`recorder`] | frames into the spool as they arrive, with numbers |
 //! | [`spool`] | recordings on the disk |
@@ -23,6 +24,7 @@
 
 pub mod connection;
 pub mod controls;
+pub mod held_controls;
 pub mod recorder;
 pub mod recording_file;
 pub mod send_order;

@@ -84,6 +84,8 @@ pub struct RecordedSource {
     patience: SourcePatience,
     state: ReaderState,
     outage: Option<Outage>,
+    /// Called each time that the source was opened again.
+    opened_again: Option<Box<dyn Fn() + Send + Sync>>,
     /// Ends the opening and reading of the present source.
     stop: Arc<AtomicBool>,
 }
@@ -114,8 +116,13 @@ impl RecordedSource {
         Ok(source.map(|source| {
             let info = source.info().clone();
             let state = read(source, patience.silence);
-            Self { open, info, patience, state, outage: None, stop }
+            Self { open, info, patience, state, outage: None, opened_again: None, stop }
         }))
+    }
+
+    /// Calls this each time that the source was opened again.
+    pub fn when_opened_again(&mut self, call: impl Fn() + Send + Sync + 'static) {
+        self.opened_again = Some(Box::new(call));
     }
 
     /// Properties of the source.
@@ -155,6 +162,7 @@ impl RecordedSource {
                 ReaderState::Opening { opening, deadline } => match timeout_at(*deadline, opening).await {
                     Ok(Ok(Ok(source))) if *source.info() == self.info => {
                         self.state = read(source, self.patience.silence);
+                        self.opened_again.iter().for_each(|call| call());
                         continue;
                     }
                     Ok(Ok(Ok(_))) => {

@@ -32,9 +32,7 @@ pub mod recording;
 pub mod refusal;
 pub mod unnamed;
 
-use std::future::Future;
 use std::path::PathBuf;
-use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -51,6 +49,7 @@ use unnamed::{SendFile, UnnamedState};
 
 use super::Agent;
 use super::connection::Server;
+use super::held_controls::HoldControls;
 use super::spool::SpooledRecording;
 use crate::domain::box_agent::CHECK_IN_IDLE;
 use crate::domain::box_agent::messages::{AgentMessage, CheckInEnd, CheckInRefusal, CheckedIn, NamedTask};
@@ -64,11 +63,6 @@ use crate::time::SharedClock;
 const CHECK_IN_END_SHOWN: Duration = CHECK_IN_IDLE;
 /// Messages that may wait for the connection to the server.
 const MAX_WAITING: usize = 16;
-
-/// Holds the camera's automatic controls until the shutdown, once they have settled for this long; the flag is true while
-/// they are held.
-pub type HoldControls =
-    Arc<dyn Fn(Shutdown, Duration, Arc<AtomicBool>) -> Pin<Box<dyn Future<Output = ()> + Send>> + Send + Sync>;
 
 /// What an agent that stands by needs.
 pub struct StandbyParts {

@@ -10,6 +10,7 @@ use super::Standby;
 use super::camera::RecordedCamera;
 use super::refusal::BoxRefusal;
 use super::unnamed::{self, UnnamedState};
+use crate::capture::held_controls::{HeldControls, SETTLE_TIME};
 use crate::capture::recorder::{RecordingRules, record};
 use crate::capture::sender::{SendOutcome, send};
 use crate::capture::source::FrameSource;
@@ -21,8 +22,6 @@ use crate::ids::FeedId;
 use crate::shutdown::Shutdown;
 use crate::time::to_rfc3339;
 
-/// How long the controls of a camera settle after it was opened.
-const SETTLE_TIME: Duration = Duration::from_secs(2);
 /// How long the end of a recording may take when the agent ends: frames that wait for a slow disk are still written. The
 /// unit allows 15 s.
 const END_TIMEOUT: Duration = Duration::from_secs(12);
@@ -46,12 +45,6 @@ pub(super) struct RunningRecording {
     ending: Shutdown,
     recorder: Option<JoinHandle<()>>,
     controls: Option<HeldControls>,
-}
-
-/// The camera's automatic controls, held in the background.
-struct HeldControls {
-    release: Shutdown,
-    task: JoinHandle<()>,
 }
 
 /// The result of sending a recording of the spool.
@@ -160,7 +153,8 @@ impl Standby {
         }
         self.parts().agent.status().captured = 0;
         let ending = Shutdown::new();
-        let controls = self.hold_controls(None);
+        let held = self.parts().hold_controls.clone();
+        let controls = held.map(|hold| HeldControls::begin(hold, self.settle_time(), self.0.is_held.clone()));
         let (name, of_task) = (trainee.as_ref().map(|of| &of.name), task.as_ref().map(|of| &of.name));
         tracing::info!(recording = %id, trainee = name, task = of_task, "recording");
         let seconds = trainee.is_none().then_some(unnamed::MAX_SECONDS);
@@ -190,7 +184,7 @@ impl Standby {
         self.parts().camera.end();
         let ended_running = self.running().take();
         if let Some(controls) = ended_running.as_ref().and_then(|running| running.controls.as_ref()) {
-            controls.release.begin();
+            controls.release();
         }
         let unnamed = ended_running.filter(|running| running.trainee.is_none() && ended.frames > 0);
         {
@@ -203,28 +197,17 @@ impl Standby {
         self.note_change();
     }
 
-    /// Holds the camera's controls. Those that were held before are released first: they are of a camera that was
-    /// unplugged, and the note of what was switched off has one place.
-    fn hold_controls(&self, before: Option<HeldControls>) -> Option<HeldControls> {
-        let hold = self.parts().hold_controls.as_ref()?;
-        let release = Shutdown::new();
-        let settle = SETTLE_TIME.saturating_sub(self.parts().camera.open_for());
-        let held = hold(release.clone(), settle, self.0.is_held.clone());
-        let task = tokio::spawn(async move {
-            if let Some(before) = before {
-                before.release.begin();
-                let _ = before.task.await; // a panic is logged where it happened
-            }
-            held.await;
-        });
-        Some(HeldControls { release, task })
+    /// How long the controls of the camera have to settle yet.
+    fn settle_time(&self) -> Duration {
+        SETTLE_TIME.saturating_sub(self.parts().camera.open_for())
     }
 
     /// The camera was opened: a recording that runs holds its controls again, because a camera that was unplugged has
     /// its automatic exposure on.
     pub(super) fn hold_controls_again(&self) {
-        if let Some(running) = self.running().as_mut() {
-            running.controls = self.hold_controls(running.controls.take());
+        let settle = self.settle_time();
+        if let Some(controls) = self.running().as_mut().and_then(|running| running.controls.as_mut()) {
+            controls.hold_again(settle);
         }
     }
 

@@ -24,6 +24,7 @@ use tracing_subscriber::EnvFilter;
 use super::{CommandFailure, restrict_new_files_to_owner};
 use crate::capture::connection::Server;
 use crate::capture::controls::{CameraDevice, CameraLock, LockResult, restore_automatics};
+use crate::capture::held_controls::{HoldControls, SourceControls};
 use crate::capture::recorder::{RecordingRules, record};
 use crate::capture::sender::{SendOutcome, send};
 use crate::capture::source::{OpenSource, RecordedSource, SourcePatience};
@@ -44,8 +45,6 @@ const LOG_INTERVAL_S: u64 = 10;
 const SOURCE_SILENCE_S: f64 = 30.0;
 /// Default time after which an interrupted source is lost, s: a cable that slipped out is found by then.
 const SOURCE_OUTAGE_S: f64 = 60.0;
-/// Time for the camera's automatic exposure and white balance to settle before they are switched off.
-const SETTLE_TIME: Duration = Duration::from_secs(2);
 
 /// Arguments of `trocar agent`.
 #[derive(clap::Args)]
@@ -212,7 +211,7 @@ async fn record_and_send(
     shutdown: &Shutdown,
 ) -> Result<(), CommandFailure> {
     let source = RecordedSource::open(opener(address, args, shutdown), patience).await.context("opening the source")?;
-    let source = source.with_context(|| format!("the source {address}")).map_err(CommandFailure::Input)?;
+    let mut source = source.with_context(|| format!("the source {address}")).map_err(CommandFailure::Input)?;
     let info = source.info().clone();
     log_source(&info);
     let id =
@@ -223,19 +222,14 @@ async fn record_and_send(
         seconds: args.seconds,
         time_base: info.time_base,
         first_arrived: None,
-        holds_controls: false,
+        holds_controls: info.is_camera && !args.automatic,
     };
     // Ends with the signal, with the source, or when the server refuses the recording.
     let recording = Shutdown::new();
     let (recorder, ending) = (agent.clone(), recording.clone());
-    let holding = (info.is_camera && !args.automatic).then(|| {
-        tokio::spawn(lock_controls(
-            address.to_owned(),
-            camera_note_path(&args.spool),
-            recording.clone(),
-            LockTiming::default(),
-        ))
-    });
+    let controls = rules
+        .holds_controls
+        .then(|| SourceControls::hold(&mut source, hold_controls(address, camera_note_path(&args.spool))));
     let recorder = tokio::spawn(async move {
         let ended = record(&recorder, source, rules, &ending).await;
         ending.begin();
@@ -252,8 +246,8 @@ async fn record_and_send(
         recording.begin(); // the server never accepted it and never will: stop now, so that the user sees the error
     }
     let source_lost = recorder.await.context("recording")?.source_lost;
-    if let Some(holding) = holding {
-        let _ = holding.await; // a panic is logged where it happened
+    if let Some(controls) = controls {
+        controls.end().await;
     }
     match outcome {
         SendOutcome::Complete(session) => {
@@ -341,25 +335,25 @@ fn camera_note_path(spool: &Path) -> PathBuf {
     spool.join("camera.json")
 }
 
-/// When controls are locked, and where that shows.
-struct LockTiming {
-    /// Time for the camera's exposure and white balance to settle.
-    settle: Duration,
-    /// True while they are locked.
-    is_held: Arc<AtomicBool>,
+/// Holds the controls of a camera, and notes in this file what was switched off.
+fn hold_controls(camera: &str, note: PathBuf) -> HoldControls {
+    let camera = camera.to_owned();
+    Arc::new(move |recording, settle, is_held| {
+        Box::pin(lock_controls(camera.clone(), note.clone(), recording, (settle, is_held)))
+    })
 }
 
-impl Default for LockTiming {
-    fn default() -> Self {
-        Self { settle: SETTLE_TIME, is_held: Arc::default() }
-    }
-}
-
-/// Waits for the camera's exposure and white balance to settle, then locks them until the recording ends.
-async fn lock_controls(camera: String, note: PathBuf, recording: Shutdown, timing: LockTiming) {
+/// Waits for the camera's exposure and white balance to settle, then locks them until the recording ends. The flag is true
+/// while they are locked.
+async fn lock_controls(
+    camera: String,
+    note: PathBuf,
+    recording: Shutdown,
+    (settle, is_held): (Duration, Arc<AtomicBool>),
+) {
     tokio::select! {
         () = recording.begun() => return,
-        () = sleep(timing.settle) => {}
+        () = sleep(settle) => {}
     }
     let held = camera.clone();
     let held = tokio::task::spawn_blocking(move || {
@@ -371,7 +365,7 @@ async fn lock_controls(camera: String, note: PathBuf, recording: Shutdown, timin
         Ok(Ok((lock, controls))) => {
             controls.iter().for_each(|(name, locked)| log_control(&camera, name, locked));
             let is_refused = controls.iter().any(|(_, locked)| matches!(locked, LockResult::Refused(_)));
-            timing.is_held.store(!is_refused, Ordering::Release);
+            is_held.store(!is_refused, Ordering::Release);
             lock
         }
         Ok(Err(error)) => {
@@ -380,7 +374,7 @@ async fn lock_controls(camera: String, note: PathBuf, recording: Shutdown, timin
         Err(error) => return tracing::error!(%error, "locking the camera's controls failed"),
     };
     recording.begun().await;
-    timing.is_held.store(false, Ordering::Release);
+    is_held.store(false, Ordering::Release);
 }
 
 fn log_control(camera: &str, name: &str, locked: &LockResult) {

@@ -10,16 +10,17 @@ use anyhow::{Context, anyhow};
 use super::screen::{Screen, ScreenLanguage, ScreenSettings};
 use super::send_unnamed::send_unnamed;
 use super::{
-    LockTiming, SPOOL_BYTES, camera_note_path, checked_server, key_value, lock_controls, restrict_new_files_to_owner,
-    seconds, start_log,
+    SPOOL_BYTES, camera_note_path, checked_server, hold_controls, key_value, restrict_new_files_to_owner, seconds,
+    start_log,
 };
 use crate::capture::Agent;
 use crate::capture::controls::{CameraDevice, restore_automatics};
+use crate::capture::held_controls::HoldControls;
 use crate::capture::source::OpenSource;
 use crate::capture::spool::Spool;
 use crate::capture::standby::camera::CameraKeeper;
 use crate::capture::standby::unnamed::{FileOutcome, SendFile};
-use crate::capture::standby::{HoldControls, Standby, StandbyParts};
+use crate::capture::standby::{Standby, StandbyParts};
 use crate::commands::CommandFailure;
 use crate::commands::upload::client::ServiceClient;
 use crate::ids::FeedId;
@@ -114,7 +115,7 @@ pub(super) fn run(args: StandbyArgs) -> Result<(), CommandFailure> {
             spool: args.spool.clone(),
             clock: clock(args.clock_offset_ms),
             boot: boot_id(),
-            hold_controls: is_camera(&args.source).then(|| hold_controls(&args)),
+            hold_controls: is_camera(&args.source).then(|| controls(&args)),
             send_file: send_file(&args),
             requires_check_in: args.require_check_in,
             starts_on_movement: args.start_on_movement,
@@ -149,16 +150,12 @@ fn is_camera(source: &str) -> bool {
     std::fs::metadata(source).map_or(source.starts_with("/dev/"), |found| found.file_type().is_char_device())
 }
 
-fn hold_controls(args: &StandbyArgs) -> HoldControls {
-    let (camera, note, is_automatic) = (args.source.clone(), camera_note_path(&args.spool), args.automatic);
-    Arc::new(move |recording, settle, is_held| {
-        let (camera, note) = (camera.clone(), note.clone());
-        Box::pin(async move {
-            if !is_automatic {
-                lock_controls(camera, note, recording, LockTiming { settle, is_held }).await;
-            }
-        })
-    })
+/// Holds the camera's controls, unless they are to stay automatic.
+fn controls(args: &StandbyArgs) -> HoldControls {
+    match args.automatic {
+        true => Arc::new(|_, _, _| Box::pin(async {})),
+        false => hold_controls(&args.source, camera_note_path(&args.spool)),
+    }
 }
 
 /// Sends recordings without a name, with the token of the box.
