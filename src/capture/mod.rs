@@ -53,8 +53,6 @@ struct AgentShared {
     changed: Notify,
     /// The last recording that the server accepted, and its session.
     accepted: watch::Sender<Option<(FeedId, SessionId)>>,
-    /// Held while a file is written: a sender that was interrupted leaves its writer running.
-    writing_file: Mutex<()>,
 }
 
 impl Agent {
@@ -62,7 +60,7 @@ impl Agent {
     pub fn new(spool: Spool) -> Self {
         let (spool, status) = (Mutex::new(spool), Mutex::new(Status::default()));
         let accepted = watch::Sender::new(None);
-        Self(Arc::new(AgentShared { spool, status, changed: Notify::new(), accepted, writing_file: Mutex::default() }))
+        Self(Arc::new(AgentShared { spool, status, changed: Notify::new(), accepted }))
     }
 
     /// The spool. Hold the lock for one operation, never across an await.

@@ -9,11 +9,9 @@
 //! SPOOL/<recording>/closing        the number of frames was sent to the server
 //! SPOOL/<recording>/start.json     when it began since the computer was started, until the server's time is known
 //! SPOOL/<recording>/source-lost    why the recording ended, if the source was lost
-//! SPOOL/<recording>/recording.mp4  a recording without a name, while it is sent: made from the records, and again if needed
 //! ```
 //! A record is in the spool before it is sent, and on the disk at most half a second later. Acknowledged records are
-//! removed in whole segments. If the spool or the disk is full, files of recordings are given up, and then the frames of
-//! the oldest segment are replaced by a gap.
+//! removed in whole segments. If the spool or the disk is full, the frames of the oldest segment are replaced by a gap.
 //! Opening a spool reads it through and cuts off an incomplete record at the end of a file.
 
 mod recording;
@@ -41,9 +39,6 @@ use crate::ids::FeedId;
 const SEGMENT_BYTES: u64 = 4 << 20;
 /// Segments of a small spool at the least.
 const MIN_SEGMENTS: u64 = 8;
-
-/// Free space that the file of a recording leaves on the disk, bytes: two minutes of a recording at 36 Mbit/s.
-const DISK_RESERVE_BYTES: u64 = 512 << 20;
 
 /// Suffix of folders that are being removed.
 const REMOVED_SUFFIX: &str = "gone";
@@ -106,7 +101,13 @@ impl Spool {
     /// The same for a recording whose start is corrected once the server's time is known.
     pub fn begin_uncorrected(&mut self, hello: Hello, in_box: &str, start: Option<StartMoment>) -> io::Result<FeedId> {
         let id = hello.recording;
-        self.recordings.insert(id, SpooledRecording::create(self.path(id), hello, in_box, start)?);
+        let folder = self.path(id);
+        let created = SpooledRecording::create(folder.clone(), hello, in_box, start).inspect_err(|error| {
+            if error.kind() != io::ErrorKind::AlreadyExists {
+                let _ = fs::remove_dir_all(folder); // without its hello it is no recording
+            }
+        });
+        self.recordings.insert(id, created?);
         self.live = Some(id);
         Ok(id)
     }
@@ -157,11 +158,22 @@ impl Spool {
         self.folder.join(id.to_string())
     }
 
-    /// Length of all records and files, bytes; a file that is being written counts with the length that it may get.
+    /// Length of all records, bytes.
     pub fn bytes(&self) -> u64 {
-        let of_one =
-            |recording: &SpooledRecording| recording.file_bytes + recording.unfinished_bytes + recording.record_bytes();
-        self.recordings.values().map(of_one).sum()
+        self.recordings.values().map(SpooledRecording::record_bytes).sum()
+    }
+
+    /// How much it may grow before frames are dropped, bytes.
+    pub fn room(&self) -> u64 {
+        // A disk that does not say how much is free has no limit of its own.
+        let disk = rustix::fs::statvfs(&self.folder).ok();
+        let free = disk.map_or(u64::MAX, |disk| disk.f_bavail.saturating_mul(disk.f_frsize));
+        free.min(self.max_bytes.saturating_sub(self.bytes()))
+    }
+
+    /// The most that it may hold, bytes.
+    pub fn max_bytes(&self) -> u64 {
+        self.max_bytes
     }
 
     /// Appends a record to the live recording. If there is no space, the oldest frames are dropped; if that is not
@@ -192,16 +204,8 @@ impl Spool {
         SEGMENT_BYTES.min(self.max_bytes / MIN_SEGMENTS)
     }
 
-    /// Drops the oldest frames; those of the live recording last, even if the clock was wrong when it began. Files are
-    /// dropped before all frames, because they are made again from them: first one that is being written.
+    /// Drops the oldest frames; those of the live recording last, even if the clock was wrong when it began.
     fn drop_oldest(&mut self) -> io::Result<bool> {
-        for drop_file in [SpooledRecording::give_up_file, SpooledRecording::remove_file] {
-            for recording in self.recordings.values_mut() {
-                if drop_file(recording)? {
-                    return Ok(true);
-                }
-            }
-        }
         for is_live in [false, true] {
             for (id, recording) in &mut self.recordings {
                 if (self.live == Some(*id)) == is_live && recording.drop_oldest()? {
@@ -240,37 +244,6 @@ impl Spool {
         self.recordings.get_mut(&id).map_or(Ok(()), |recording| recording.set_start(began_at))
     }
 
-    /// Begins the file of a recording without a name, if spool and disk have space for it. From then on the file may be
-    /// given up at any time: [`SpooledRecording::is_writing_file`].
-    ///
-    /// # Errors
-    /// [`NoSpace`]; the file is not begun.
-    pub fn begin_file(&mut self, id: FeedId) -> Result<(), NoSpace> {
-        let Some(needed) = self.get(id).map(SpooledRecording::record_bytes) else { return Ok(()) };
-        let of_spool = self.max_bytes.saturating_sub(self.bytes());
-        if needed > of_spool {
-            return Err(NoSpace::Spool { missing: needed - of_spool });
-        }
-        // A disk that does not say how much is free is used as before.
-        let disk = rustix::fs::statvfs(&self.folder).ok();
-        let free = disk.map_or(u64::MAX, |disk| disk.f_bavail.saturating_mul(disk.f_frsize));
-        if needed.saturating_add(DISK_RESERVE_BYTES) > free {
-            return Err(NoSpace::Disk { missing: needed.saturating_add(DISK_RESERVE_BYTES) - free });
-        }
-        self.recordings.entry(id).and_modify(|recording| recording.unfinished_bytes = needed.max(1));
-        Ok(())
-    }
-
-    /// The file of a recording without a name is complete, and its bytes are on the disk.
-    pub fn finish_file(&mut self, id: FeedId) -> io::Result<()> {
-        self.recordings.get_mut(&id).map_or(Ok(()), SpooledRecording::finish_file)
-    }
-
-    /// Gives up a file that is being written, if there is one.
-    pub fn give_up_file(&mut self, id: FeedId) -> io::Result<()> {
-        self.recordings.get_mut(&id).map_or(Ok(()), |recording| recording.give_up_file().map(drop))
-    }
-
     /// Makes the remaining frames of a recording that the server ended too early another recording.
     pub fn renew(&mut self, id: FeedId, new: FeedId) -> io::Result<()> {
         let path = self.path(new);
@@ -290,29 +263,6 @@ impl Spool {
         fs::rename(self.path(id), &gone)?;
         fs::remove_dir_all(gone)
     }
-}
-
-/// Why there is no space for the file of a recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum NoSpace {
-    /// The spool may not grow so much.
-    #[error(
-        "the spool has no space to make the file of the recording: {} MB more are needed (--spool-bytes)",
-        missing.div_ceil(1_000_000)
-    )]
-    Spool {
-        /// How much is missing, bytes.
-        missing: u64,
-    },
-    /// The disk is too full.
-    #[error(
-        "the disk has no space to make the file of the recording: free {} MB on the computer of the box",
-        missing.div_ceil(1_000_000)
-    )]
-    Disk {
-        /// How much is missing, bytes.
-        missing: u64,
-    },
 }
 
 /// True if an error says that there is no space.

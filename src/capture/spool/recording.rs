@@ -18,9 +18,8 @@ const BOX: &str = "box";
 const SOURCE_LOST: &str = "source-lost";
 /// Exists until the start of the recording is corrected.
 const START: &str = "start.json";
-/// The file of a recording without a name, and its name until it is complete.
-const FILE: &str = "recording.mp4";
-const UNFINISHED_FILE: &str = "recording.new";
+/// Files that earlier versions made of a recording without a name.
+const EARLIER_FILES: [&str; 2] = ["recording.mp4", "recording.new"];
 /// Exists once the number of frames was sent to the server: only then can an ended recording be complete.
 const CLOSING: &str = "closing";
 /// There while it is recorded: if a later run finds it, the recording was broken off.
@@ -53,10 +52,6 @@ pub struct SpooledRecording {
     pub durable: FrameNumbers,
     /// One more than the largest number so far.
     pub end: u64,
-    /// Length of its file, bytes; 0: there is none.
-    pub(super) file_bytes: u64,
-    /// What its file will have at most, while it is written; 0: it is not written.
-    pub(super) unfinished_bytes: u64,
     pub(super) folder: PathBuf,
     pub(super) segments: VecDeque<SpoolSegment>,
     next_serial: u64,
@@ -117,8 +112,7 @@ impl SpooledRecording {
         recording.source_lost = fs::read_to_string(folder.join(SOURCE_LOST)).ok();
         recording.is_closing = folder.join(CLOSING).exists();
         recording.broken_off = folder.join(RECORDS).exists().then(|| KILLED.to_owned());
-        remove_if_there(&folder.join(UNFINISHED_FILE))?;
-        recording.file_bytes = fs::metadata(folder.join(FILE)).map_or(0, |file| file.len());
+        EARLIER_FILES.iter().try_for_each(|file| remove_if_there(&folder.join(file)))?;
         Ok(recording)
     }
 
@@ -131,8 +125,6 @@ impl SpooledRecording {
             broken_off: None,
             durable: FrameNumbers::default(),
             end: 0,
-            file_bytes: 0,
-            unfinished_bytes: 0,
             folder,
             segments: VecDeque::new(),
             next_serial: 0,
@@ -148,21 +140,6 @@ impl SpooledRecording {
         self.hello.trainee.is_empty()
     }
 
-    /// Its complete file, if it has been made.
-    pub fn file(&self) -> Option<PathBuf> {
-        (self.file_bytes > 0).then(|| self.folder.join(FILE))
-    }
-
-    /// Where its file is written until it is complete.
-    pub fn unfinished_file(&self) -> PathBuf {
-        self.folder.join(UNFINISHED_FILE)
-    }
-
-    /// True while its file is written, until it is complete or given up.
-    pub fn is_writing_file(&self) -> bool {
-        self.unfinished_bytes > 0
-    }
-
     /// Length of its records, bytes.
     pub(super) fn record_bytes(&self) -> u64 {
         self.segments.iter().map(|segment| segment.bytes).sum()
@@ -176,35 +153,6 @@ impl SpooledRecording {
         remove_if_there(&self.folder.join(START))?; // if it stays, the start is corrected once more, to the same time
         self.uncorrected_start = None;
         Ok(())
-    }
-
-    /// The file is complete: it gets its name in one step.
-    pub(super) fn finish_file(&mut self) -> io::Result<()> {
-        let new = self.unfinished_file();
-        let bytes = fs::metadata(&new)?.len();
-        fs::rename(&new, self.folder.join(FILE))?;
-        (self.file_bytes, self.unfinished_bytes) = (bytes, 0);
-        sync_folder(&self.folder)
-    }
-
-    /// Gives up a file that is being written; the records stay. `false` if none is.
-    pub(super) fn give_up_file(&mut self) -> io::Result<bool> {
-        if self.unfinished_bytes == 0 {
-            return Ok(false);
-        }
-        self.unfinished_bytes = 0; // its writer stops at the next frame
-        empty_and_remove(&self.unfinished_file())?;
-        Ok(true)
-    }
-
-    /// Removes the file; the records stay. `false` if there is none.
-    pub(super) fn remove_file(&mut self) -> io::Result<bool> {
-        if self.file_bytes == 0 {
-            return Ok(false);
-        }
-        empty_and_remove(&self.folder.join(FILE))?;
-        self.file_bytes = 0;
-        Ok(true)
     }
 
     /// The first record that covers this number or a later one.
@@ -379,16 +327,6 @@ impl SpooledRecording {
         self.drop_acknowledged()?;
         Ok(true)
     }
-}
-
-/// Removes a file that another thread may have open. A file takes space for as long as it is open, so it is emptied first.
-fn empty_and_remove(path: &Path) -> io::Result<()> {
-    match File::options().write(true).open(path) {
-        Ok(file) => file.set_len(0)?,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(error),
-    }
-    remove_if_there(path)
 }
 
 fn remove_if_there(path: &Path) -> io::Result<()> {

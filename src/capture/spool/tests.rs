@@ -111,30 +111,6 @@ proptest! {
 }
 
 #[test]
-fn the_file_of_a_recording_needs_space_and_is_given_up_before_any_frame() {
-    let (_folder, mut spool, id) = spool(SMALL);
-    add(&mut spool, 0..50);
-    spool.end_live();
-    assert_eq!(spool.begin_file(id), Err(NoSpace::Spool { missing: 2 * 50 * 132 - SMALL }));
-    assert!(!spool.get(id).unwrap().is_writing_file());
-    spool.max_bytes = 2 * SMALL;
-    spool.begin_file(id).unwrap();
-    let unfinished = spool.get(id).unwrap().unfinished_file();
-    let mut file = fs::File::create(&unfinished).unwrap();
-    file.write_all(&[1; 4000]).unwrap();
-    assert_eq!(spool.bytes(), 2 * 50 * 132, "its space is reserved");
-    let live = spool.begin(hello(1_795_000_009_000), "box-1").unwrap();
-    add(&mut spool, 0..70);
-    assert!(!spool.get(id).unwrap().is_writing_file() && !unfinished.exists());
-    assert_eq!(file.metadata().unwrap().len(), 0, "its space is free although it is open");
-    for (recording, frames) in [(id, 50), (live, 70)] {
-        let (kept, gaps) = held(&mut spool, recording);
-        assert!(kept.contains_all(0, frames - 1) && gaps.is_empty(), "{kept:?} {gaps:?}");
-    }
-    assert!(matches!(spool.begin_file(id), Err(NoSpace::Spool { .. })), "the frames have precedence");
-}
-
-#[test]
 fn what_is_acknowledged_goes_in_whole_segments() {
     let (_folder, mut spool, id) = spool(SMALL);
     add(&mut spool, 0..35);
@@ -264,27 +240,15 @@ fn one_agent_at_a_time_has_a_spool_and_what_is_removed_is_gone() {
 }
 
 #[test]
-fn the_file_of_a_recording_is_dropped_before_any_frame_and_is_gone_if_it_was_not_finished() {
+fn the_file_that_an_earlier_version_made_of_a_recording_is_removed_and_the_recording_stays() {
     let (folder, mut spool, id) = spool(SMALL);
-    add(&mut spool, 0..40);
-    spool.end_live();
-    let path = spool.get(id).unwrap().unfinished_file();
-    fs::write(&path, vec![0; 4000]).unwrap();
-    assert_eq!(spool.get(id).unwrap().file(), None);
-    spool.finish_file(id).unwrap();
-    assert!(spool.get(id).unwrap().file().unwrap().exists() && !path.exists());
+    add(&mut spool, 0..9);
+    let files = ["recording.mp4", "recording.new"].map(|name| spool.path(id).join(name));
     drop(spool);
+    files.iter().for_each(|file| fs::write(file, [1; 4000]).unwrap());
     let mut spool = Spool::open(folder.path(), SMALL).unwrap();
-    assert_eq!(spool.bytes(), 40 * 132 + 4000);
-    let file = spool.get(id).unwrap().file().unwrap();
-    spool.begin(hello(1_795_000_009_000), "box-1").unwrap();
-    add(&mut spool, 0..20);
-    assert!(!file.exists() && spool.get(id).unwrap().file().is_none());
-    assert_eq!(held(&mut spool, id), (numbers(&[[0, 39]]), Vec::new()), "all frames are still there");
-    fs::write(&path, b"half a file").unwrap();
-    drop(spool);
-    let spool = Spool::open(folder.path(), SMALL).unwrap();
-    assert!(!path.exists() && spool.get(id).unwrap().file().is_none());
+    assert!(files.iter().all(|file| !file.exists()));
+    assert_eq!(held(&mut spool, id).0, numbers(&[[0, 8]]));
 }
 
 #[test]

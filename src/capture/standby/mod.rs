@@ -18,6 +18,7 @@
 //! | `movement` | finding the first movement |
 //! | [`refusal`] | why the box does not do what was asked of it |
 //! | [`recording`] | start and end of a recording, and sending what the spool holds |
+//! | `space` | whether there is space for a recording without a name |
 //! | [`unnamed`] | recordings without a name, sent as files |
 //!
 //! Nothing but the spool is on the disk: after a restart the agent sends what was left and stands by again.
@@ -30,6 +31,7 @@ pub mod link;
 mod movement;
 pub mod recording;
 pub mod refusal;
+mod space;
 pub mod unnamed;
 
 use std::path::PathBuf;
@@ -149,6 +151,8 @@ struct Facts {
     last_awaited: u64,
     /// Why the last one that was awaited did not begin.
     start_failed: Option<BoxRefusal>,
+    /// True if the last recording was ended because there was no more space for it.
+    has_ended_for_space: bool,
 }
 
 /// What the box's screen shows.
@@ -186,6 +190,8 @@ pub struct ScreenState {
     pub needs_unnamed_button: bool,
     /// What became of the last recording, if it has no name.
     pub last_unnamed: Option<UnnamedState>,
+    /// True if the last recording was ended because there was no more space for it.
+    pub has_ended_for_space: bool,
     /// Name of the trainee who is recorded; `None` also for a recording without a name.
     pub recorded: Option<String>,
     /// The task of the recording that runs.
@@ -221,13 +227,14 @@ impl Standby {
         let camera = tokio::spawn(self.parts().camera.clone().keep_open(self.clone()));
         let light = tokio::spawn(light::watch(self.clone()));
         let sending = tokio::spawn(self.clone().send_spool());
+        let space = tokio::spawn(self.clone().watch_space());
         tokio::select! {
             () = self.clone().stay_connected() => {}
             () = self.parts().shutdown.begun() => {}
         }
         self.end_awaited_start();
         self.end_recording().await;
-        for task in [camera, light, sending] {
+        for task in [camera, light, sending, space] {
             task.abort();
             let _ = task.await; // the runtime ends next, and no task may use it then
         }
@@ -268,10 +275,11 @@ impl Standby {
         let (recordings, frames, bytes) = all()
             .map(SpooledRecording::waiting)
             .fold((0, 0, 0), |(count, frames, bytes), one| (count + 1, frames + one.0, bytes + one.1));
+        let is_full = space::is_short(&spool);
         drop(spool);
         let disk = rustix::fs::statvfs(&self.parts().spool).ok();
         let disk_free_bytes = disk.map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize));
-        SpoolState { recordings, frames, bytes, unnamed, disk_free_bytes, refused }
+        SpoolState { recordings, frames, bytes, unnamed, disk_free_bytes, is_full, refused }
     }
 
     /// The same for the screen.
@@ -303,6 +311,7 @@ impl Standby {
             start_failed: facts.start_failed.as_ref().map(ShownRefusal::from),
             needs_unnamed_button: facts.needs_unnamed_button,
             last_unnamed: facts.last_unnamed.map(|(_, state)| state),
+            has_ended_for_space: facts.has_ended_for_space,
             recorded,
             recorded_task,
             check_in_address: facts.check_in_address.clone(),

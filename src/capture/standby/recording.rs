@@ -134,8 +134,8 @@ impl Standby {
         if trainee.is_some() && task.is_none() {
             return Err(BoxRefusal::NoTask);
         }
-        if trainee.is_none() && self.parts().requires_check_in {
-            return Err(BoxRefusal::NeedsCheckIn);
+        if trainee.is_none() {
+            self.check_unnamed_start()?;
         }
         let mut running = self.running();
         if running.is_some() {
@@ -162,6 +162,7 @@ impl Standby {
         {
             let mut facts = self.facts();
             (facts.last_unnamed, facts.awaited, facts.start_failed) = (None, None, None);
+            facts.has_ended_for_space = false;
         }
         self.parts().camera.unwatch();
         *running = Some(RunningRecording { id, trainee, task, began, ending, recorder: Some(recorder), controls });

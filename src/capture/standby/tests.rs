@@ -1,7 +1,9 @@
 //! An agent that stands by, without a server: recordings, their controls, and their files.
 
+use std::io::Write;
 use std::process::Command;
 
+use tokio::io::AsyncReadExt;
 use tokio::time::timeout;
 
 use super::recording::StartPress;
@@ -47,11 +49,13 @@ fn bench_with(folder: tempfile::TempDir, spool: &std::path::Path, boot: &str, an
     let sent: Arc<Mutex<Vec<(UnnamedFile, u64)>>> = Arc::default();
     let received = sent.clone();
     let send_file: SendFile = Arc::new(move |file| {
-        let mut video = VideoFile::open(std::fs::File::open(&file.path).unwrap(), MediaLimits::default()).unwrap();
-        let pictures = std::iter::from_fn(|| video.next_picture().unwrap().map(drop)).count() as u64;
-        let answer = answers(&file).unwrap_or(FileOutcome::Received);
-        received.lock().unwrap().push((file, pictures));
-        Box::pin(async { answer })
+        let (received, answers) = (received.clone(), answers.clone());
+        Box::pin(async move {
+            let pictures = pictures_of(&file).await;
+            let answer = answers(&file).unwrap_or(FileOutcome::Received);
+            received.lock().unwrap().push((file, pictures));
+            answer
+        })
     });
     std::fs::write(folder.path().join("token"), "trc_x").unwrap();
     let shutdown = Shutdown::new();
@@ -73,6 +77,17 @@ fn bench_with(folder: tempfile::TempDir, spool: &std::path::Path, boot: &str, an
         async move { standby.run().await }
     });
     Bench { _folder: folder, standby, controls, sent, shutdown }
+}
+
+/// The number of pictures in a file that is sent.
+async fn pictures_of(file: &UnnamedFile) -> u64 {
+    let mut bytes = Vec::new();
+    (file.open)().read_to_end(&mut bytes).await.unwrap();
+    assert_eq!(bytes.len() as u64, file.bytes);
+    let mut copy = tempfile::tempfile().unwrap();
+    copy.write_all(&bytes).unwrap();
+    let mut video = VideoFile::open(copy, MediaLimits::default()).unwrap();
+    std::iter::from_fn(|| video.next_picture().unwrap().map(drop)).count() as u64
 }
 
 /// Controls that note when they are held and released.
@@ -138,7 +153,7 @@ async fn the_controls_are_held_again_when_the_camera_is_back_and_a_recording_wit
     compare_clock(&bench.standby, day_ms);
     bench.until(|bench| bench.standby.screen_state().last_unnamed == Some(UnnamedState::Waits)).await;
     let (file, pictures) = bench.sent.lock().unwrap()[0].clone();
-    assert!(file.filename.starts_with("box-1 20") && file.task.is_none(), "{file:?}");
+    assert!(file.filename.starts_with("box-1 20") && file.task.is_none(), "{}", file.filename);
     let recorded_ms = crate::time::from_rfc3339(file.recorded_at.as_deref().unwrap()).unwrap();
     let ago_ms = SystemClock.now_ms() - day_ms - recorded_ms;
     assert!((0..20_000).contains(&ago_ms), "{ago_ms} ms ago by the server's time");
@@ -166,8 +181,8 @@ async fn a_recording_from_before_the_servers_time_gets_the_right_one_after_a_res
         let (file, _) = restarted.sent.lock().unwrap()[0].clone();
         let ago_ms = |at: &str| SystemClock.now_ms() - day_ms - crate::time::from_rfc3339(at).unwrap();
         match file.recorded_at.as_deref() {
-            Some(at) => assert!(is_corrected && (0..20_000).contains(&ago_ms(at)), "{file:?}"),
-            None => assert!(!is_corrected && file.filename == "box-1.mp4", "{file:?}"),
+            Some(at) => assert!(is_corrected && (0..20_000).contains(&ago_ms(at)), "{at}"),
+            None => assert!(!is_corrected && file.filename == "box-1.mp4", "{}", file.filename),
         }
         restarted.shutdown.begin();
     }
@@ -178,9 +193,9 @@ async fn a_recording_from_before_the_servers_time_gets_the_right_one_after_a_res
 async fn a_recording_that_cannot_be_sent_does_not_keep_the_next_one_from_being_sent() {
     let folder = tempfile::tempdir().unwrap();
     let spool = folder.path().join("spool");
-    let first: Arc<Mutex<Option<PathBuf>>> = Arc::default();
+    let first: Arc<Mutex<Option<FeedId>>> = Arc::default();
     let answers: Answers = Arc::new(move |file| {
-        let is_first = *first.lock().unwrap().get_or_insert_with(|| file.path.clone()) == file.path;
+        let is_first = *first.lock().unwrap().get_or_insert(file.recording) == file.recording;
         is_first.then(|| FileOutcome::Failed("the server has an internal error".to_owned()))
     });
     let bench = bench_with(folder, &spool, "boot 1", answers);

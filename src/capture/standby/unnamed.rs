@@ -2,7 +2,6 @@
 //! they wait until staff say whose they are.
 
 use std::future::Future;
-use std::path::PathBuf;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,7 +10,7 @@ use tokio::time::sleep;
 
 use super::Standby;
 use super::recording::SpoolOutcome;
-use crate::capture::recording_file::{RecordingFileError, write_file};
+use crate::capture::recording_file::{FileBytes, RecordingFile, RecordingFileError};
 use crate::ids::FeedId;
 use crate::time::from_rfc3339;
 
@@ -24,11 +23,18 @@ const MAX_PAUSE: Duration = Duration::from_secs(15);
 /// Failed attempts after which the other recordings come first. Without a connection they could not be sent either.
 const MAX_FAILURES: u32 = 3;
 
-/// The file of a recording without a name.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// Begins to make the bytes of a file; each call begins anew.
+pub type OpenFile = Arc<dyn Fn() -> FileBytes + Send + Sync>;
+
+/// The file of a recording without a name, made while it is sent.
+#[derive(Clone)]
 pub struct UnnamedFile {
-    /// The file.
-    pub path: PathBuf,
+    /// The recording.
+    pub recording: FeedId,
+    /// Its length.
+    pub bytes: u64,
+    /// Its bytes.
+    pub open: OpenFile,
     /// Its name, for people.
     pub filename: String,
     /// When the recording began, RFC 3339; `None`: not known.
@@ -72,21 +78,20 @@ impl Standby {
         let (mut pause, mut failures) = (MIN_PAUSE, 0);
         loop {
             let agent = self.parts().agent.clone();
-            let written = tokio::task::spawn_blocking(move || write_file(&agent, id)).await;
-            let outcome = match written {
-                Ok(Ok(true)) => match self.unnamed_file(id) {
+            let made = tokio::task::spawn_blocking(move || RecordingFile::of(&agent, id)).await;
+            let outcome = match made {
+                Ok(Ok(Some(file))) => match self.unnamed_file(id, file) {
                     Some(file) => (self.parts().send_file)(file).await,
-                    None => return self.postponed(id, RecordingFileError::GivenUp.to_string()),
+                    None => return self.postponed(id, RecordingFileError::Dropped.to_string()),
                 },
-                Ok(Ok(false)) => {
+                Ok(Ok(None)) => {
                     self.remove_sent(id);
                     return SpoolOutcome::Empty;
                 }
-                Ok(Err(error @ (RecordingFileError::NoSpace(_) | RecordingFileError::GivenUp))) => {
+                Ok(Err(error @ RecordingFileError::Mux(_))) => FileOutcome::Refused(error.to_string()),
+                Ok(Err(error @ (RecordingFileError::Dropped | RecordingFileError::Changed))) => {
                     return self.postponed(id, error.to_string());
                 }
-                Ok(Err(error @ RecordingFileError::Mux(_))) => FileOutcome::Refused(error.to_string()),
-                Ok(Err(error @ RecordingFileError::Disk(_))) => FileOutcome::Failed(error.to_string()),
                 Err(panic) => FileOutcome::Refused(panic.to_string()),
             };
             let why = match outcome {
@@ -126,10 +131,9 @@ impl Standby {
         SpoolOutcome::Postponed(why)
     }
 
-    fn unnamed_file(&self, id: FeedId) -> Option<UnnamedFile> {
+    fn unnamed_file(&self, id: FeedId, file: RecordingFile) -> Option<UnnamedFile> {
         let spool = self.parts().agent.spool();
         let recording = spool.get(id)?;
-        let path = recording.file()?;
         let hello = &recording.hello;
         // The clock was not compared with the server before the computer was started again, or it was ahead: no time is
         // better than a wrong one.
@@ -138,7 +142,9 @@ impl Standby {
         let in_box = recording.in_box.as_deref().unwrap_or_default();
         let of_time = recorded_at.as_ref().map(|at| format!(" {}", at.replace(':', "-"))).unwrap_or_default();
         Some(UnnamedFile {
-            path,
+            recording: id,
+            bytes: file.bytes(),
+            open: Arc::new(move || file.open()),
             filename: format!("{in_box}{of_time}.mp4"),
             recorded_at,
             task: Some(hello.task.clone()).filter(|task| !task.is_empty()),

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use hyper::http::{HeaderMap, HeaderValue, StatusCode, header};
-use tokio::fs::File;
 
 use crate::capture::standby::unnamed::{FileOutcome, UnnamedFile};
 use crate::commands::upload::client::{FileLimits, RequestError, ServiceClient};
@@ -19,9 +18,7 @@ pub(super) async fn send_unnamed(client: &ServiceClient, file: UnnamedFile) -> F
 
 async fn send_within(limits: FileLimits, client: &ServiceClient, file: UnnamedFile) -> FileOutcome {
     match send(limits, client, &file).await {
-        Err(AttemptError::Refused(RequestError::Refused { kind, .. }))
-            if kind == "unknown-reference" && file.task.is_some() =>
-        {
+        Err(RequestError::Refused { kind, .. }) if kind == "unknown-reference" && file.task.is_some() => {
             tracing::warn!(task = file.task, "the server has no such task any more; the recording is sent without it");
             outcome(send(limits, client, &UnnamedFile { task: None, ..file }).await)
         }
@@ -29,32 +26,20 @@ async fn send_within(limits: FileLimits, client: &ServiceClient, file: UnnamedFi
     }
 }
 
-/// Why an attempt failed.
-enum AttemptError {
-    Unreadable(std::io::Error),
-    Refused(RequestError),
-}
-
-async fn send(limits: FileLimits, client: &ServiceClient, of: &UnnamedFile) -> Result<(), AttemptError> {
-    let file = File::open(&of.path).await.map_err(AttemptError::Unreadable)?;
-    let bytes = file.metadata().await.map_err(AttemptError::Unreadable)?.len();
+async fn send(limits: FileLimits, client: &ServiceClient, of: &UnnamedFile) -> Result<(), RequestError> {
     let fields =
         [("filename", Some(&of.filename)), ("recorded_at", of.recorded_at.as_ref()), ("task", of.task.as_ref())];
     let field = |(name, value): (&str, Option<&String>)| Some(format!("{name}={}", percent_encoded(value?)));
     let query: Vec<String> = fields.into_iter().filter_map(field).collect();
     let mut headers = HeaderMap::new();
-    headers.insert(header::CONTENT_LENGTH, HeaderValue::from(bytes));
+    headers.insert(header::CONTENT_LENGTH, HeaderValue::from(of.bytes));
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/octet-stream"));
     let address = format!("/waiting-recordings?{}", query.join("&"));
-    client.post_file(&address, headers, (file, bytes), limits).await.map(drop).map_err(AttemptError::Refused)
+    client.post_file(&address, headers, ((of.open)(), of.bytes), limits).await.map(drop)
 }
 
-fn outcome(attempt: Result<(), AttemptError>) -> FileOutcome {
-    match attempt {
-        Ok(()) => FileOutcome::Received,
-        Err(AttemptError::Unreadable(error)) => FileOutcome::Failed(format!("the file cannot be read: {error}")),
-        Err(AttemptError::Refused(error)) => outcome_of(error),
-    }
+fn outcome(attempt: Result<(), RequestError>) -> FileOutcome {
+    attempt.map_or_else(outcome_of, |()| FileOutcome::Received)
 }
 
 /// What to do after this error.
@@ -82,7 +67,11 @@ mod tests {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
     use tokio::net::TcpListener;
 
+    use std::sync::Arc;
+
     use super::*;
+    use crate::capture::standby::unnamed::OpenFile;
+    use crate::ids::FeedId;
 
     fn refused(status: u16, kind: &str) -> FileOutcome {
         let status = StatusCode::from_u16(status).unwrap();
@@ -107,19 +96,18 @@ mod tests {
     }
 
     /// A client of this listener, and a recording of this many bytes without a name.
-    fn client_of(listener: &TcpListener, bytes: u64) -> (tempfile::TempDir, ServiceClient, UnnamedFile) {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("recording.mp4");
-        std::fs::File::create(&path).unwrap().set_len(bytes).unwrap();
+    fn client_of(listener: &TcpListener, bytes: u64) -> (ServiceClient, UnnamedFile) {
+        let open: OpenFile = Arc::new(|| Box::pin(tokio::io::repeat(0)));
         let filename = "box-1 2026-11-30T14-05.mp4".to_owned();
         let client = ServiceClient::anonymous(&format!("http://{}", listener.local_addr().unwrap())).unwrap();
-        (folder, client, UnnamedFile { path, filename, recorded_at: None, task: Some("t&1".to_owned()) })
+        let task = Some("t&1".to_owned());
+        (client, UnnamedFile { recording: FeedId::at(1), bytes, open, filename, recorded_at: None, task })
     }
 
     #[tokio::test]
     async fn a_connection_that_takes_nothing_any_more_is_given_up() {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let (_folder, client, file) = client_of(&listener, 256 << 20); // more than the kernel buffers
+        let (client, file) = client_of(&listener, 256 << 20); // more than the kernel buffers
         let accepted = tokio::spawn(async move { listener.accept().await.unwrap() }); // open, and never read
         let limits = FileLimits { stall: Duration::from_millis(300), answer: Duration::from_secs(60) };
         let FileOutcome::Retry(why) = send_within(limits, &client, file).await else { panic!("not given up") };
@@ -130,7 +118,7 @@ mod tests {
     #[tokio::test]
     async fn a_recording_whose_task_was_deleted_is_sent_without_it() {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let (_folder, client, file) = client_of(&listener, 10);
+        let (client, file) = client_of(&listener, 10);
         let served = tokio::spawn(async move {
             let mut requests = Vec::new();
             for (status, body) in

@@ -205,7 +205,7 @@ impl ServiceClient {
         &self,
         path: &str,
         headers: HeaderMap,
-        (file, bytes): (File, u64),
+        (file, bytes): (impl AsyncRead + Send + Sync + 'static, u64),
         limits: FileLimits,
     ) -> Result<Answer, RequestError> {
         let progress = Arc::new(watch::Sender::new(0_u64));

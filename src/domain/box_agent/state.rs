@@ -87,6 +87,9 @@ pub struct SpoolState {
     pub unnamed: u64,
     /// Free space on the disk of the spool, bytes; `null` if it is not known.
     pub disk_free_bytes: Option<u64>,
+    /// True if spool or disk have no space for a recording of some seconds.
+    #[serde(default)]
+    pub is_full: bool,
     /// Why a recording stays in the spool although the server is there: the server refused it, or its file cannot be made
     /// or sent; `null` if there is none.
     pub refused: Option<String>,

@@ -423,6 +423,23 @@ async fn a_recording_without_a_name_survives_a_power_cut_and_arrives_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_recording_without_a_name_that_fills_the_spool_ends_and_arrives_whole() {
+    const SPOOL_BYTES: u64 = 1 << 20;
+    let box_1 = Box1::open().await;
+    let agent = box_1.stand_by(&["--spool-bytes", &SPOOL_BYTES.to_string()]).await;
+    assert_eq!(press(&agent, "/start", json!({})).await.status(), StatusCode::NO_CONTENT);
+    let ended = screen_until(&agent, |state| state["has_ended_for_space"] == true).await;
+    assert_eq!(ended["state"]["recording"], Value::Null, "{ended}");
+    screen_until(&agent, |state| state["last_unnamed"] == "waits").await;
+    let arrived = waiting(&box_1, 1).await.remove(0);
+    let bytes = arrived["bytes"].as_u64().unwrap();
+    assert!((SPOOL_BYTES * 3 / 4..SPOOL_BYTES).contains(&bytes), "far more than half of the spool: {bytes}");
+    let (count, seconds) = pictures(&box_1, &arrived).await;
+    assert!((seconds - (count - 1) as f64 / 25.0).abs() < 0.01, "no frame was dropped: {count} in {seconds} s");
+    box_1.until(|state| state["spool"]["recordings"] == 0 && state["spool"]["is_full"] == false).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_check_in_ends_at_once_with_the_consent_and_with_the_record() {
     let box_1 = Box1::open().await;
     let agent = box_1.stand_by(&[]).await;
@@ -534,4 +551,5 @@ async fn a_service_that_phones_cannot_open_shows_no_code_and_says_so() {
     assert_eq!(seen["unreachable_server"], server, "{seen}");
     let page = reqwest::get(agent.screen("/")).await.unwrap().text().await.unwrap();
     assert!(page.contains("data-language=\"de\""), "{page}");
+    assert_eq!(seen["spool"]["is_full"], false);
 }
