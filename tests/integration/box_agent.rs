@@ -5,6 +5,9 @@ use std::process::{Child, Command, Stdio};
 
 use crate::process::program;
 
+/// What a camera shows unless a test needs another picture.
+const PICTURE: &str = "testsrc2=size=320x240:rate=25";
+
 /// A running agent. Dropping it kills it.
 pub struct StandingAgent {
     child: Child,
@@ -15,19 +18,30 @@ pub struct StandingAgent {
 /// What an agent needs: a token, a clip and a spool, in a folder of its own.
 pub struct BoxComputer {
     folder: tempfile::TempDir,
+    spool: PathBuf,
 }
 
 impl BoxComputer {
     /// A computer with this token, and a clip of this length as its camera.
     pub fn new(token: &str, seconds: u32) -> Self {
-        Self::with_picture(token, seconds, "testsrc2=size=320x240:rate=25")
+        Self::with_picture(token, seconds, PICTURE)
     }
 
     /// The same with a clip of what this filter of FFmpeg draws.
     pub fn with_picture(token: &str, seconds: u32, filter: &str) -> Self {
+        Self::of(token, seconds, filter, None)
+    }
+
+    /// The same with a spool elsewhere.
+    pub fn with_spool(token: &str, seconds: u32, spool: PathBuf) -> Self {
+        Self::of(token, seconds, PICTURE, Some(spool))
+    }
+
+    fn of(token: &str, seconds: u32, filter: &str, spool: Option<PathBuf>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("token"), token).unwrap();
-        let computer = Self { folder };
+        let spool = spool.unwrap_or_else(|| folder.path().join("spool"));
+        let computer = Self { folder, spool };
         let mut ffmpeg = Command::new("ffmpeg");
         ffmpeg.args(["-v", "error", "-f", "lavfi", "-i", filter, "-t", &seconds.to_string()]);
         assert!(ffmpeg.args(["-c:v", "mjpeg"]).arg(computer.camera()).status().unwrap().success());
@@ -40,7 +54,7 @@ impl BoxComputer {
     }
 
     pub fn spool(&self) -> PathBuf {
-        self.folder.path().join("spool")
+        self.spool.clone()
     }
 
     /// Starts an agent of box 1 that stands by, with these arguments beside those that it always needs.

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `agent.rs` | a box's agent delivers its recording, even if the agent or the service is killed on the way |
 //! | `feeds.rs` | no acknowledged frame is lost or doubled by faults between a box and the service |
+//! | `full_disk.rs` | a full disk of a box or of the service crashes nothing and loses nothing acknowledged |
 //! | `kills.rs` | nothing acknowledged is lost when service or children are killed |
 //! | `morning.rs` | a busy morning leaves reading quick and the service small |
 //! | `order.rs` | no acknowledgement leaves before its bytes and names were synced |
@@ -19,6 +20,7 @@
 mod agent;
 mod centre;
 mod feeds;
+mod full_disk;
 mod kills;
 mod morning;
 mod order;
