@@ -74,6 +74,17 @@ impl RecordingFile {
         self.0.outline.bytes
     }
 
+    /// True if the spool still has all its frames.
+    pub fn is_whole(&self) -> bool {
+        let FileParts { agent, id, frames, .. } = &*self.0;
+        let spool = agent.spool();
+        let Some(recording) = spool.get(*id) else { return false };
+        let is_there = |frame: &StoredFrame| {
+            recording.at_or_after(frame.number).is_some_and(|entry| entry.number == frame.number && entry.is_frame())
+        };
+        frames.iter().all(is_there)
+    }
+
     /// Its bytes from the start, made on a thread that ends with the reader. If they cannot be made, reading fails.
     pub fn open(&self) -> FileBytes {
         let (sender, pieces) = mpsc::channel(MAX_WAITING);
@@ -353,8 +364,10 @@ mod tests {
         spool.end_live();
         let agent = Agent::new(spool);
         let file = RecordingFile::of(&agent, id).unwrap().unwrap();
+        assert!(file.is_whole());
         let live = agent.spool().begin(testing::hello(1_795_000_009_000), "box-1").unwrap();
         testing::add(&mut agent.spool(), 0..40);
+        assert!(!file.is_whole());
         let read = file.open().read_to_end(&mut Vec::new()).await;
         assert!(read.unwrap_err().to_string().contains("dropped"));
         let rest = RecordingFile::of(&agent, id).unwrap().unwrap();

@@ -76,9 +76,15 @@ impl Standby {
             return SpoolOutcome::Refused(why);
         }
         let (mut pause, mut failures) = (MIN_PAUSE, 0);
+        let mut known: Option<RecordingFile> = None;
         loop {
             let agent = self.parts().agent.clone();
-            let made = tokio::task::spawn_blocking(move || RecordingFile::of(&agent, id)).await;
+            // All frames are read for it: once, and not at each attempt of a long outage.
+            let made = match known.take().filter(RecordingFile::is_whole) {
+                Some(file) => Ok(Ok(Some(file))),
+                None => tokio::task::spawn_blocking(move || RecordingFile::of(&agent, id)).await,
+            };
+            known = made.as_ref().ok().and_then(|made| made.as_ref().ok()?.clone());
             let outcome = match made {
                 Ok(Ok(Some(file))) => match self.unnamed_file(id, file) {
                     Some(file) => (self.parts().send_file)(file).await,
