@@ -71,7 +71,8 @@ impl Box1 {
     /// The newest session, once it has arrived.
     pub(super) async fn session(&self) -> Value {
         let arrived = |list: &Value| list["items"][0]["status"].as_str().is_some_and(|status| status != "receiving");
-        self.centre.administrator.read_until("/api/v1/sessions", arrived).await["items"][0].clone()
+        let list = self.centre.administrator.read_until("/api/v1/sessions", arrived).await;
+        self.centre.administrator.read(&format!("/api/v1/sessions/{}", list["items"][0]["id"].as_str().unwrap())).await
     }
 }
 
