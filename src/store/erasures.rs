@@ -22,7 +22,12 @@ struct ErasureRow {
 
 const SELECT_ERASURES: &str = "SELECT number, kind, id, at_ms FROM erasure WHERE number > $1 ORDER BY number LIMIT $2";
 
-const SELECT_LAST_ERASURE: &str = "SELECT coalesce(max(number), 0) FROM erasure";
+pub(super) const SELECT_LAST_ERASURE: &str = "SELECT coalesce(max(number), 0) FROM erasure";
+
+const SELECT_COMPLETED_LATER: &str = "
+    SELECT max(ended_at_ms) FROM feed WHERE session_id = $1 AND created_at_ms <= $2 AND ended_at_ms > $2";
+
+const UPDATE_ERASURE_TIME: &str = "UPDATE erasure SET at_ms = $3 WHERE kind = $1 AND id = $2 AND at_ms > $3";
 
 impl ErasureStore<'_> {
     /// Number of the last erasure; 0 if there is none.
@@ -46,6 +51,31 @@ impl ErasureStore<'_> {
             .write(async move |tx| {
                 for Erasure { kind, id, at_ms } in erasures {
                     sqlx::query(INSERT_ERASURE).bind(kind).bind(id).bind(at_ms).execute(&mut *tx).await?;
+                }
+                Ok(())
+            })
+            .await
+    }
+
+    /// When the recording of a session was complete, if it still arrived at the time of this erasure, epoch ms. Then the
+    /// session was not erased: a recording that is erased while it arrives is never completed.
+    pub async fn completed_later(&self, Erasure { kind, id, at_ms }: &Erasure) -> StoreResult<Option<i64>> {
+        match kind {
+            ErasedKind::Session => {
+                let completed = sqlx::query_scalar(SELECT_COMPLETED_LATER).bind(id).bind(at_ms);
+                Ok(completed.fetch_one(self.0.readers()).await?)
+            }
+            ErasedKind::Trainee | ErasedKind::Person | ErasedKind::Pending | ErasedKind::TakenBack => Ok(None),
+        }
+    }
+
+    /// Gives erasures that were repeated the time when they first happened: a session that is listed with an earlier time
+    /// than the database has would be listed again.
+    pub async fn restore_times(&self, repeated: Vec<Erasure>) -> StoreResult<()> {
+        self.0
+            .write(async move |tx| {
+                for Erasure { kind, id, at_ms } in repeated.into_iter().filter(Erasure::is_final) {
+                    sqlx::query(UPDATE_ERASURE_TIME).bind(kind).bind(id).bind(at_ms).execute(&mut *tx).await?;
                 }
                 Ok(())
             })

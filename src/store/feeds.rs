@@ -7,6 +7,7 @@ use sqlx::types::Json;
 use super::audit::note;
 use super::columns::Insert;
 use super::consents::{require_consent, require_no_refusal};
+use super::erasures::SELECT_LAST_ERASURE;
 use super::error::{StoreError, StoreResult, missing, not_found};
 use super::exams::{begin_attempt, bind_session};
 use super::jobs::enqueue_track;
@@ -174,6 +175,8 @@ const SELECT_UNFINISHED_IDS: &str = "SELECT id FROM feed WHERE ended_at_ms IS NU
 
 const DELETE_EMPTY_SESSIONS: &str = "DELETE FROM session WHERE video IS NULL";
 
+const DELETE_ERASURES_AFTER: &str = "DELETE FROM erasure WHERE number > $1";
+
 const INSERT_FEED: &str = "
     INSERT INTO feed (id, session_id, box_id, codec, width, height, tick_num, tick_den, sender, epoch, created_at_ms,
                       is_push, resumes, actor)
@@ -313,12 +316,15 @@ impl FeedStore<'_> {
             .await
     }
 
-    /// Deletes all unfinished feeds without marking their ids as erased: for a copy of the database that has no logs.
+    /// Deletes all unfinished feeds and their sessions without marking them as erased: for a copy of the database that has
+    /// no logs. In the original they go on, so the list of erasures must not name them.
     pub async fn forget_unfinished(&self) -> StoreResult<()> {
         self.0
             .write(async move |tx| {
                 let unfinished: Vec<FeedId> = sqlx::query_scalar(SELECT_UNFINISHED_IDS).fetch_all(&mut *tx).await?;
+                let last: i64 = sqlx::query_scalar(SELECT_LAST_ERASURE).fetch_one(&mut *tx).await?;
                 sqlx::query(DELETE_EMPTY_SESSIONS).execute(&mut *tx).await?;
+                sqlx::query(DELETE_ERASURES_AFTER).bind(last).execute(&mut *tx).await?;
                 for id in unfinished {
                     sqlx::query(DELETE_ERASED).bind(id).execute(&mut *tx).await?;
                 }

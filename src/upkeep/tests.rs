@@ -84,7 +84,7 @@ impl UpkeepFixture {
     }
 
     /// A feed of five frames; `spoil` may damage its log.
-    async fn feed(&self, trainee: TraineeId, spoil: impl FnOnce(&mut Vec<u8>)) -> FeedId {
+    pub(super) async fn feed(&self, trainee: TraineeId, spoil: impl FnOnce(&mut Vec<u8>)) -> FeedId {
         let new = NewFeed {
             id: FeedId::at(NOW_MS),
             trainee,

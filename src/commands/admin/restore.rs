@@ -53,16 +53,20 @@ pub async fn run(data: &Path, args: RestoreArgs) -> Result<(), CommandFailure> {
         ) => return Err(CommandFailure::input(wrong)),
         done => done.with_context(|| format!("restoring to `{}`", data.display()))?,
     };
-    for account in kept {
-        println!("not deleted again: {account}");
+    for entry in &erased_again {
+        println!("erased again: {entry}");
+    }
+    for entry in &kept {
+        println!("not erased again: {entry}");
     }
     println!("restored: `{}` holds the database and {}, all verified", data.display(), count_of(files, "file"));
-    println!("erased again: {erased_again} people and recordings that were erased since the backup");
+    println!("erased again: {} people and recordings that were erased since the backup", erased_again.len());
     match known_until_ms {
         Some(until_ms) => println!("erasures are known until: {}", to_rfc3339(until_ms)),
         None => println!("erasures are not known: people who were erased since the backup are in it"),
     }
     println!("to run it: trocar serve --data {}", data.display());
+    println!("if it is the folder of the installed service: sudo systemctl start trocar");
     print_lost(&missing);
     if missing.is_empty() {
         return Ok(());

@@ -3,14 +3,14 @@
 //!
 //! The database holds all erasures of the installation ([`Store::erasures`]); the lists follow it.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
 use super::{Attempts, UpkeepError, UpkeepResult};
-use crate::domain::erasure::Erasure;
+use crate::domain::erasure::{ErasedKind, Erasure};
 use crate::ids::InstallationId;
 use crate::store::Store;
 use crate::time::to_rfc3339;
@@ -180,7 +180,7 @@ impl ErasureList {
         let last = recorded.last().map_or(0, |(number, _)| *number);
         let recorded: Vec<Erasure> = recorded.into_iter().map(|(_, erasure)| erasure).collect();
         let content = self.read_or_repair(&recorded, now_ms)?;
-        let mut new: Vec<ListLine> = lacking(&recorded, content.erasures()).map(ListLine::Erasure).collect();
+        let mut new: Vec<ListLine> = unlisted(&recorded, &content).into_iter().map(ListLine::Erasure).collect();
         let mark = content.marks().get(&own).filter(|mark| mark.end.is_none()).map(|mark| mark.at_ms);
         let recent = mark.filter(|at_ms| new.is_empty() && is_new(*at_ms));
         if recent.is_none() {
@@ -247,6 +247,25 @@ pub(super) fn lacking<'a>(
 ) -> impl Iterator<Item = Erasure> {
     let mut known: HashSet<String> = others.map(Erasure::key).collect();
     erasures.iter().filter(move |erasure| known.insert(erasure.key())).cloned()
+}
+
+/// The erasures that a list lacks, without repetitions. A session that is listed with an earlier time than it was erased is
+/// listed again: that entry may be refuted ([`super::restore()`]).
+fn unlisted(erasures: &[Erasure], list: &ListContent) -> Vec<Erasure> {
+    let mut listed: HashMap<String, i64> = HashMap::new();
+    for erasure in list.erasures() {
+        let latest_ms = listed.entry(erasure.key()).or_insert(erasure.at_ms);
+        *latest_ms = erasure.at_ms.max(*latest_ms);
+    }
+    let mut is_unlisted = |erasure: &&Erasure| {
+        let earlier_ms = listed.get(&erasure.key()).copied();
+        let is_new = earlier_ms.is_none_or(|ms| erasure.kind == ErasedKind::Session && ms < erasure.at_ms);
+        if is_new {
+            listed.insert(erasure.key(), erasure.at_ms);
+        }
+        is_new
+    };
+    erasures.iter().filter(|erasure| is_unlisted(erasure)).cloned().collect()
 }
 
 /// All erasures after this number, with their numbers.

@@ -1,18 +1,19 @@
 //! Restores a backup into a new data folder, and erases again what was erased since the backup.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use tokio::fs::{File, OpenOptions};
 
 use super::backup::{copy_blobs, unless_stopped, verify_copy};
-use super::erasure_list::{ERASURE_LIST, KnownUntil, ListContent, ListEnd, append, erasures_after, lacking};
+use super::erasure_list::{ERASURE_LIST, KnownUntil, ListContent, ListEnd, ListLine, append, erasures_after, lacking};
 use super::unfinished_folder::{BackupMark, UnfinishedFolder, folder_error, installation_of, refuse_used};
 use super::{LostFile, UpkeepError, UpkeepResult, is_readable, recover};
 use crate::domain::blob::BlobHash;
 use crate::domain::erasure::{ErasedKind, Erasure};
+use crate::domain::scope::Scope;
 use crate::shutdown::Shutdown;
-use crate::store::{SchemaState, Store, StoreError, StoreSettings};
+use crate::store::{SchemaState, SessionRecord, Store, StoreError, StoreSettings};
 use crate::time::{SharedClock, to_rfc3339};
 use crate::vault::{FileLoss, Vault};
 
@@ -37,11 +38,11 @@ pub struct Restored {
     pub files: u64,
     /// The files that the backup lacks, or that are damaged in it.
     pub missing: Vec<LostFile>,
-    /// Number of people and recordings that were erased again.
-    pub erased_again: usize,
+    /// The people and recordings that were erased again, and when the list says that they were erased.
+    pub erased_again: Vec<String>,
     /// Until when the erasures are known, epoch ms; `None` without a list.
     pub known_until_ms: Option<i64>,
-    /// Accounts that could not be deleted again, and why.
+    /// What was not erased again although the list names it, and why.
     pub kept: Vec<String>,
 }
 
@@ -94,11 +95,12 @@ async fn restore_into(
     let store = Store::open(&path, &StoreSettings::default(), clock).await?;
     let lost = copy_blobs(&store, &from, &files, stop).await?;
     refuse_unreadable(backup, &lost, store.blobs().total().await?.0)?;
-    let (missing, kept) = (Vec::new(), Vec::new());
-    let mut restored = Restored { files: 0, missing, erased_again: 0, known_until_ms: None, kept };
-    if let Some((list, known_until_ms)) = list {
+    let (missing, erased_again, kept) = (Vec::new(), Vec::new(), Vec::new());
+    let mut restored = Restored { files: 0, missing, erased_again, known_until_ms: None, kept };
+    if let Some((mut list, known_until_ms)) = list {
         let erasures: Vec<Erasure> = list.erasures().cloned().collect();
-        erase_again(&store, &erasures, &mut restored).await?;
+        let refuted = erase_again(&store, &erasures, &mut restored).await?;
+        list.lines.retain(|line| !matches!(line, ListLine::Erasure(erasure) if refuted.contains(&erasure.id)));
         append(&to.join(ERASURE_LIST), &list.lines)?;
         restored.known_until_ms = Some(known_until_ms);
     }
@@ -165,20 +167,33 @@ fn short_list(path: PathBuf, KnownUntil { at_ms, end }: KnownUntil) -> UpkeepErr
 }
 
 /// Erases what a list names, and adds to the database the erasures of what it does not hold: the database then has all
-/// erasures of the list.
-async fn erase_again(store: &Store, erasures: &[Erasure], restored: &mut Restored) -> UpkeepResult<()> {
-    let last: Vec<Erasure> = last_requests(erasures).into_iter().cloned().collect();
+/// erasures of the list, with their times. Returns the ids of sessions that were not
+/// erased, although the list names them.
+async fn erase_again(store: &Store, erasures: &[Erasure], restored: &mut Restored) -> UpkeepResult<HashSet<String>> {
+    let last: Vec<Erasure> = last_entries(erasures).into_iter().cloned().collect();
     let (requested, last): (Vec<_>, Vec<_>) = last.into_iter().partition(|one| one.kind == ErasedKind::Pending);
     // Accounts last: those of trainees are deleted with them.
     let (people, others): (Vec<_>, Vec<_>) = last.into_iter().partition(|erasure| erasure.kind == ErasedKind::Person);
-    let mut repeated = Vec::new();
+    let (mut repeated, mut refuted) = (Vec::new(), HashSet::new());
     for erasure in others.into_iter().chain(people) {
+        let name = name_of(store, &erasure).await?;
+        let listed = to_rfc3339(erasure.at_ms);
+        if let Some(completed_ms) = store.erasures().completed_later(&erasure).await? {
+            restored.kept.push(format!(
+                "{name}: the list says that it was erased at {listed}, but its recording was completed after that, at \
+                 {}. The backups of earlier versions lead to such an entry if a recording arrived while they were \
+                 made. If the session is to be erased, erase it on its page",
+                to_rfc3339(completed_ms)
+            ));
+            refuted.insert(erasure.id);
+            continue;
+        }
         match store.erasures().repeat(&erasure).await {
             Ok(existed) => {
-                restored.erased_again += usize::from(existed);
+                restored.erased_again.extend(existed.then(|| format!("{name}, listed as erased at {listed}")));
                 repeated.push(erasure);
             }
-            Err(StoreError::Refused { why }) => restored.kept.push(format!("{} {}: {why}", erasure.kind, erasure.id)),
+            Err(StoreError::Refused { why }) => restored.kept.push(format!("{name}: {why}")),
             Err(error) => return Err(error.into()),
         }
     }
@@ -189,9 +204,25 @@ async fn erase_again(store: &Store, erasures: &[Erasure], restored: &mut Restore
             Err(error) => return Err(error.into()),
         }
     }
+    store.erasures().restore_times(repeated.clone()).await?;
     let recorded: Vec<Erasure> = erasures_after(store, 0).await?.into_iter().map(|(_, erasure)| erasure).collect();
     let unknown = lacking(&repeated, recorded.iter()).collect();
-    Ok(store.erasures().add(unknown).await?)
+    store.erasures().add(unknown).await?;
+    Ok(refuted)
+}
+
+/// What an erasure is of: kind and id, and of a session that exists its task and time. No person is named: the output
+/// of a command may be kept for longer than their data.
+async fn name_of(store: &Store, Erasure { kind, id, .. }: &Erasure) -> UpkeepResult<String> {
+    let named = format!("{kind} {id}");
+    let Some(session) = id.parse().ok().filter(|_| *kind == ErasedKind::Session) else { return Ok(named) };
+    match store.sessions().get(&Scope::service(), session).await {
+        Ok(SessionRecord { task_code, recorded_at_ms, .. }) => {
+            Ok(format!("{named} (task {task_code}, recorded at {})", to_rfc3339(recorded_at_ms)))
+        }
+        Err(StoreError::NotFound { .. }) => Ok(named),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// Copies a file. Only its owner may read the copy, even if others may read the original.
@@ -202,18 +233,24 @@ async fn copy_private(from: &Path, to: &Path) -> std::io::Result<()> {
     copy.sync_all().await
 }
 
-/// The entries of a list without the requests that a later one of the same trainee replaces: only the last says whether the
-/// trainee waits for an erasure.
-fn last_requests(erasures: &[Erasure]) -> Vec<&Erasure> {
+/// The entries of a list without those that a later one replaces. Of the requests of a trainee, only the last says whether
+/// they wait for an erasure. A session may be listed twice: by an entry that was refuted, and when it was erased.
+fn last_entries(erasures: &[Erasure]) -> Vec<&Erasure> {
     let is_request = |erasure: &Erasure| matches!(erasure.kind, ErasedKind::Pending | ErasedKind::TakenBack);
-    let is_replaced = |number: usize, erasure: &Erasure| {
-        erasures[number + 1..].iter().any(|later| is_request(later) && later.id == erasure.id)
+    let mut last_requests: HashMap<&str, usize> = HashMap::new();
+    let mut latest_ms: HashMap<&str, i64> = HashMap::new();
+    for (number, entry) in erasures.iter().enumerate() {
+        if is_request(entry) {
+            last_requests.insert(&entry.id, number);
+        } else {
+            latest_ms.entry(&entry.id).and_modify(|at_ms| *at_ms = entry.at_ms.max(*at_ms)).or_insert(entry.at_ms);
+        }
+    }
+    let is_last = |(number, entry): &(usize, &Erasure)| match is_request(entry) {
+        true => last_requests.get(entry.id.as_str()) == Some(number),
+        false => latest_ms.get(entry.id.as_str()) == Some(&entry.at_ms),
     };
-    let entries = erasures.iter().enumerate();
-    entries
-        .filter(|(number, entry)| !is_request(entry) || !is_replaced(*number, entry))
-        .map(|(_, entry)| entry)
-        .collect()
+    erasures.iter().enumerate().filter(is_last).map(|(_, entry)| entry).collect()
 }
 
 #[cfg(test)]

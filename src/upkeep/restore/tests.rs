@@ -7,10 +7,11 @@ use std::time::Duration;
 
 use super::{ErasureListChoice, Restored, restore};
 use crate::domain::blob::Blob;
+use crate::domain::erasure::{ErasedKind, Erasure};
 use crate::domain::role::Role;
 use crate::domain::scope::Scope;
 use crate::domain::text::Key;
-use crate::ids::{MergeId, SessionId, TraineeId};
+use crate::ids::{FeedId, MergeId, SessionId, TraineeId};
 use crate::shutdown::Shutdown;
 use crate::store::{PageRequest, Store, StoreSettings};
 use crate::time::{Clock, to_rfc3339};
@@ -110,7 +111,7 @@ async fn people_who_were_erased_after_a_backup_do_not_come_back_with_it() {
     backups.list_erasures().await;
     let (folder, restored) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
     // One trainee and the sessions of both.
-    assert_eq!((restored.files, restored.erased_again, restored.kept), (1, 3, vec![]));
+    assert_eq!((restored.files, restored.erased_again.len(), restored.kept), (1, 3, vec![]));
     assert_eq!(trainees(&backups.bench, &folder).await, ["Ben"]);
     for planted in ["Ana Planted", "the planted recording", "a recording that is erased alone"] {
         assert!(holds(&backup, planted), "the backup itself has it");
@@ -119,6 +120,117 @@ async fn people_who_were_erased_after_a_backup_do_not_come_back_with_it() {
     assert!(holds(&folder, "another recording"));
     // The list of the restored folder names them, too: for the next backup that is restored.
     assert_eq!(fs::read_to_string(folder.join(ERASURE_LIST)).unwrap(), backups.list());
+}
+
+/// A recording that arrived while the first backup was made, and was complete in the second.
+struct ArrivedRecording {
+    backups: Backups,
+    feed: FeedId,
+    session: SessionId,
+    during: PathBuf,
+}
+
+impl ArrivedRecording {
+    async fn new() -> Self {
+        let bench = UpkeepFixture::new().await;
+        let ana = bench.centre.trainee("Ana").await.id;
+        let backups = Backups { target: tempfile::tempdir().unwrap(), bench };
+        let feed = backups.bench.feed(ana, |_| {}).await;
+        let session = backups.bench.centre.store.feeds().get(&Scope::service(), feed).await.unwrap().session_id;
+        let during = backups.back_up("during").await;
+        Self { backups, feed, session, during }
+    }
+
+    /// The recording is complete two minutes after its beginning.
+    async fn complete(&self) {
+        self.backups.bench.centre.clock.advance(Duration::from_secs(120));
+        let video = self.backups.bench.vault.put(b"the complete recording").await.unwrap();
+        self.backups.bench.centre.store.feeds().end(self.feed, video.blob(), None, None).await.unwrap();
+    }
+
+    async fn open(&self, folder: &Path) -> Store {
+        let clock = self.backups.bench.centre.clock.clone();
+        Store::open(&folder.join(DATABASE), &StoreSettings::default(), clock).await.unwrap()
+    }
+
+    /// Adds a line to the list beside the backups: the session was erased then.
+    async fn list_as_erased(&self, at_ms: i64) {
+        self.backups.list_erasures().await;
+        let line = format!("session {} {}\n", self.session, to_rfc3339(at_ms));
+        fs::write(self.backups.target.path().join(ERASURE_LIST), line + &self.backups.list()).unwrap();
+    }
+}
+
+#[tokio::test]
+async fn a_backup_during_a_recording_does_not_count_the_recording_as_erased() {
+    let recording = ArrivedRecording::new().await;
+    let (backups, during, session) = (&recording.backups, &recording.during, recording.session);
+    recording.complete().await;
+    let after = backups.back_up("after").await;
+    backups.list_erasures().await;
+    // The first backup is restored, and a service runs on it.
+    let (folder, _) = backups.restore(during, Some(ErasureListChoice::default())).await.unwrap();
+    let again = recording.open(&folder).await;
+    assert_eq!(again.erasures().after(0, 9).await.unwrap(), [], "the copy erased nothing");
+    let mut lists = ErasureLists::new(&folder, Some(backups.target.path()), ErasureListState::default());
+    lists.update(&again, backups.now_ms()).await.unwrap();
+    again.close().await;
+    assert!(!backups.list().contains(&session.to_string()), "{}", backups.list());
+    let (folder, restored) = backups.restore(&after, Some(ErasureListChoice::default())).await.unwrap();
+    assert_eq!((restored.erased_again.len(), restored.kept), (0, vec![]));
+    recording.open(&folder).await.sessions().get(&Scope::service(), session).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_session_that_was_completed_after_its_listed_erasure_is_kept_and_named() {
+    let recording = ArrivedRecording::new().await;
+    let (backups, session) = (&recording.backups, recording.session);
+    let during_ms = backups.now_ms() + 60_000;
+    recording.complete().await;
+    let after = backups.back_up("after").await;
+    // So did the backups of earlier versions, once a service had run on one of them.
+    recording.list_as_erased(during_ms).await;
+    let (folder, restored) = backups.restore(&after, Some(ErasureListChoice::default())).await.unwrap();
+    assert_eq!(restored.erased_again, Vec::<String>::new());
+    let [kept] = restored.kept.as_slice() else { panic!("{:?}", restored.kept) };
+    assert!(kept.starts_with(&format!("session {session} (")) && kept.contains(&to_rfc3339(during_ms)), "{kept}");
+    let again = recording.open(&folder).await;
+    again.sessions().get(&Scope::service(), session).await.unwrap();
+    // The service does not take the entry over, so no copy of the database loses the session either.
+    ErasureLists::new(&folder, None, ErasureListState::default()).update(&again, backups.now_ms()).await.unwrap();
+    assert_eq!(again.erasures().after(0, 9).await.unwrap(), []);
+    again.close().await;
+
+    // If it is really erased later, the list gets this time as well, and the session does not come back.
+    let erased = Erasure { kind: ErasedKind::Session, id: session.to_string(), at_ms: backups.now_ms() + 1 };
+    backups.bench.centre.store.erasures().add(vec![erased]).await.unwrap();
+    backups.list_erasures().await;
+    assert_eq!(backups.list().matches(&session.to_string()).count(), 2, "{}", backups.list());
+    let (folder, restored) = backups.restore(&after, Some(ErasureListChoice::default())).await.unwrap();
+    let [erased] = restored.erased_again.as_slice() else { panic!("{:?}", restored.erased_again) };
+    assert!(
+        erased.starts_with(&format!("session {session} (task ")) && erased.contains("listed as erased at"),
+        "{erased}"
+    );
+    assert_eq!(restored.kept, Vec::<String>::new());
+    let again = recording.open(&folder).await;
+    assert!(again.sessions().get(&Scope::service(), session).await.is_err());
+    // The restored service lists nothing again: it knows the time of each erasure.
+    let before = backups.list();
+    let mut lists = ErasureLists::new(&folder, Some(backups.target.path()), ErasureListState::default());
+    lists.update(&again, backups.now_ms()).await.unwrap();
+    let erasures = |list: &str| list.lines().filter(|line| !line.starts_with("complete ")).count();
+    assert_eq!(erasures(&backups.list()), erasures(&before), "{}", backups.list());
+}
+
+#[tokio::test]
+async fn a_session_that_was_erased_after_its_recording_is_erased_again() {
+    let recording = ArrivedRecording::new().await;
+    recording.complete().await;
+    let after = recording.backups.back_up("after").await;
+    recording.list_as_erased(recording.backups.now_ms()).await; // at the moment when it was complete
+    let (_, restored) = recording.backups.restore(&after, Some(ErasureListChoice::default())).await.unwrap();
+    assert_eq!((restored.erased_again.len(), restored.kept), (1, vec![]));
 }
 
 #[tokio::test]
@@ -151,7 +263,7 @@ async fn a_restore_that_was_interrupted_leaves_no_data_folder() {
     assert!(matches!(unfinished, UpkeepError::UnfinishedBackup(_)), "{unfinished}");
     let restored =
         restore(&backup, &to, Some(ErasureListChoice::default()), DATABASE, clock, &Shutdown::new()).await.unwrap();
-    assert_eq!((restored.erased_again, restored.missing), (3, vec![]));
+    assert_eq!((restored.erased_again.len(), restored.missing), (3, vec![]));
     assert!(!to.join(BACKUP_MARK).exists());
     assert_eq!(trainees(&backups.bench, &to).await, ["Ben"]);
 }
@@ -241,7 +353,7 @@ async fn people_whose_erasure_was_requested_after_a_backup_wait_for_it_again() {
     assert_eq!(due.iter().map(|one| one.trainee_id).collect::<Vec<_>>(), [ana]);
     for backup in [before, between] {
         let (folder, restored) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
-        assert_eq!((restored.erased_again, restored.kept), (0, vec![]));
+        assert_eq!((restored.erased_again.len(), restored.kept), (0, vec![]));
         let clock = backups.bench.centre.clock.clone();
         let again = Store::open(&folder.join(DATABASE), &StoreSettings::default(), clock).await.unwrap();
         let waiting = again.pending_erasures().list(&service).await.unwrap();
@@ -292,7 +404,7 @@ async fn without_a_list_of_erasures_nothing_is_restored_unless_told_so() {
     assert!(refused.to_string().contains("--without-erasures"), "{refused}");
     assert_eq!(fs::read_dir(backups.target.path()).unwrap().count(), 1, "nothing was made");
     let (folder, restored) = backups.restore(&backup, None).await.unwrap();
-    assert_eq!((restored.files, restored.erased_again), (3, 0));
+    assert_eq!((restored.files, restored.erased_again.len()), (3, 0));
     assert_eq!(trainees(&backups.bench, &folder).await, ["Ana Planted", "Ben"]);
 }
 
@@ -386,7 +498,7 @@ async fn an_old_list_is_used_only_if_its_time_is_accepted() {
     let accepted = |until_ms| Some(ErasureListChoice { file: None, until_ms: Some(until_ms) });
     backups.restore(&backup, accepted(until_ms + 1)).await.unwrap_err();
     let (_, restored) = backups.restore(&backup, accepted(until_ms)).await.unwrap();
-    assert_eq!((restored.erased_again, restored.known_until_ms), (3, Some(until_ms)));
+    assert_eq!((restored.erased_again.len(), restored.known_until_ms), (3, Some(until_ms)));
     // A list of an earlier version has no marks: its last erasure is the last that is known.
     let earlier: String = backups
         .list()
@@ -396,7 +508,7 @@ async fn an_old_list_is_used_only_if_its_time_is_accepted() {
     let last = earlier.lines().last().unwrap().rsplit(' ').next().unwrap().to_owned();
     fs::write(backups.target.path().join(ERASURE_LIST), &earlier).unwrap();
     let (_, restored) = backups.restore(&backup, accepted(crate::time::from_rfc3339(&last).unwrap())).await.unwrap();
-    assert_eq!(restored.erased_again, 3);
+    assert_eq!(restored.erased_again.len(), 3);
 }
 
 #[tokio::test]
@@ -420,11 +532,11 @@ async fn a_list_ends_when_the_service_has_another_folder_for_backups() {
     assert_eq!(trainees(&backups.bench, &folder).await, ["Ana"]);
     let named = ErasureListChoice { file: Some(newer), ..ErasureListChoice::default() };
     let (folder, restored) = backups.restore(&backup, Some(named)).await.unwrap();
-    assert_eq!((trainees(&backups.bench, &folder).await, restored.erased_again), (Vec::new(), 1));
+    assert_eq!((trainees(&backups.bench, &folder).await, restored.erased_again.len()), (Vec::new(), 1));
     // The service has the first folder again: its list is complete again.
     backups.list_erasures().await;
     let (_, restored) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
-    assert_eq!(restored.erased_again, 1);
+    assert_eq!(restored.erased_again.len(), 1);
 }
 
 #[tokio::test]
@@ -462,7 +574,7 @@ async fn a_restored_database_has_the_erasures_of_people_who_were_not_in_the_back
     store.trainees().erase(&Scope::service(), &Key::from(&ben)).await.unwrap();
     backups.list_erasures().await;
     let (folder, restored) = backups.restore(&backup, Some(ErasureListChoice::default())).await.unwrap();
-    assert_eq!(restored.erased_again, 0);
+    assert_eq!(restored.erased_again.len(), 0);
     fs::remove_file(folder.join(ERASURE_LIST)).unwrap();
     let clock = backups.bench.centre.clock.clone();
     let again = Store::open(&folder.join(DATABASE), &StoreSettings::default(), clock).await.unwrap();
