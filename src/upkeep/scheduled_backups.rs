@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
-use super::unfinished_folder::installation_of;
+use super::unfinished_folder::{installation_of, reason};
 use super::{BackupMark, BackupReport, UpkeepError, UpkeepResult, back_up};
 use crate::domain::text::Invalid;
 use crate::ids::InstallationId;
@@ -270,7 +270,7 @@ fn entries(target: &Path) -> UpkeepResult<Vec<PathBuf>> {
 
 fn target_error(target: &Path) -> impl Fn(io::Error) -> UpkeepError {
     let folder = target.to_owned();
-    move |error| UpkeepError::Target { folder: folder.clone(), why: error.to_string() }
+    move |error| UpkeepError::Target { why: reason(&folder, &error), folder: folder.clone() }
 }
 
 #[cfg(test)]

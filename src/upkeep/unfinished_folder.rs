@@ -215,5 +215,37 @@ fn sync(folder: &Path) -> io::Result<()> {
 /// A failure of this folder.
 pub(super) fn folder_error(folder: &Path) -> impl Fn(io::Error) -> UpkeepError + use<> {
     let folder = folder.to_owned();
-    move |error| UpkeepError::Target { folder: folder.clone(), why: error.to_string() }
+    move |error| UpkeepError::Target { why: reason(&folder, &error), folder: folder.clone() }
+}
+
+/// The reason of a failure, and what to do about it if systemd makes the disk read-only: the unit of the service lets it
+/// write only to its data folder.
+pub(super) fn reason(folder: &Path, error: &io::Error) -> String {
+    if error.kind() != io::ErrorKind::ReadOnlyFilesystem {
+        return error.to_string();
+    }
+    // A scheduled backup is written into a folder of the one that the settings name, which does not exist yet.
+    let target = folder.ancestors().find(|part| part.is_dir()).unwrap_or(folder).display();
+    format!(
+        "{error}. If systemd runs the service, its unit must allow it to write there: `sudo systemctl edit trocar`, \
+         with the lines `[Service]` and `ReadWritePaths={target}`, and then `sudo systemctl restart trocar`. Otherwise \
+         make the disk writable"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_systemd_makes_read_only_is_named_with_what_to_do() {
+        let target = tempfile::tempdir().unwrap();
+        let read_only = io::Error::from_raw_os_error(rustix::io::Errno::ROFS.raw_os_error());
+        let failed = folder_error(&target.path().join("partial-2026-11-28T02-30-00.12Z"))(read_only).to_string();
+        let lines = format!("`[Service]` and `ReadWritePaths={}`", target.path().display());
+        assert!(failed.contains("Read-only file system") && failed.contains(&lines), "{failed}");
+        assert!(failed.contains("systemctl edit trocar") && failed.contains("systemctl restart trocar"), "{failed}");
+        let denied = folder_error(target.path())(io::ErrorKind::PermissionDenied.into()).to_string();
+        assert!(!denied.contains("systemctl"), "{denied}");
+    }
 }
