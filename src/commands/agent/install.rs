@@ -107,9 +107,9 @@ pub(super) fn run(args: InstallArgs) -> Result<(), CommandFailure> {
             CommandFailure::Input(anyhow!("{why}; {hint}"))
         })?;
     }
-    write_private(Path::new(TOKEN), token.trim().as_bytes()).with_context(as_root(TOKEN))?;
+    replace_file(Path::new(TOKEN), token.trim().as_bytes(), 0o600).with_context(as_root(TOKEN))?;
     let path = Path::new(UNITS).join(UNIT);
-    fs::write(&path, unit).with_context(as_root(UNITS))?;
+    replace_file(&path, unit.as_bytes(), 0o644).with_context(as_root(UNITS))?;
     systemctl(["daemon-reload"])?;
     systemctl(["enable", UNIT])?;
     systemctl(["restart", UNIT])?;
@@ -220,13 +220,14 @@ fn as_root(path: &str) -> impl Fn() -> String {
     move || format!("writing {path}; run the command with sudo")
 }
 
-/// Writes a file that only its owner can read, in one step.
-fn write_private(path: &Path, content: &[u8]) -> std::io::Result<()> {
+/// Writes a file in one step. What was there is replaced, also a link: removing the package masks the unit with a link to
+/// `/dev/null`, and a write through it would be lost.
+fn replace_file(path: &Path, content: &[u8], mode: u32) -> std::io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new("/"));
     fs::create_dir_all(folder)?;
     let new = path.with_extension("new");
-    let mut file = fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&new)?;
-    file.set_permissions(fs::Permissions::from_mode(0o600))?; // it may be left over with others
+    let mut file = fs::OpenOptions::new().write(true).create(true).truncate(true).mode(mode).open(&new)?;
+    file.set_permissions(fs::Permissions::from_mode(mode))?; // it may be left over with others
     file.write_all(content)?;
     file.sync_all()?;
     fs::rename(new, path)
@@ -238,7 +239,11 @@ fn systemctl<const N: usize>(arguments: [&str; N]) -> Result<(), CommandFailure>
     if status.success() {
         return Ok(());
     }
-    Err(CommandFailure::Failed(anyhow!("systemctl {} failed; run the command with sudo", arguments.join(" "))))
+    let hint = match rustix::process::geteuid().is_root() {
+        true => "`systemctl status trocar-agent` and `journalctl -u trocar-agent` say more",
+        false => "run the command with sudo",
+    };
+    Err(CommandFailure::Failed(anyhow!("systemctl {} failed; {hint}", arguments.join(" "))))
 }
 
 /// The unit as text.
@@ -290,8 +295,8 @@ const TEMPLATE: &str = "\
 # Written by `trocar agent install`; run it again to change it. docs/agent.md describes it.
 [Unit]
 Description=Trocar: stands by at a box trainer
-Wants=network-online.target
-After=network-online.target
+# Stops before the network does. It starts without one: a box records, and sends later.
+After=network.target
 
 [Service]
 LoadCredential=token:TOKEN
@@ -364,6 +369,32 @@ mod tests {
                        --require-check-in --start-on-movement --option video_size=1280x720 /dev/video0\n";
         assert!(unit.contains(command), "{unit}");
         assert!(unit.contains("LoadCredential=token:/etc/trocar/agent.token\n") && unit.contains("Restart=always\n"));
+    }
+
+    #[test]
+    fn the_units_of_the_agent_wait_for_no_network() {
+        let of_package = include_str!("../../../systemd/trocar-agent.service");
+        for unit in [unit(&args("/dev/video0"), Path::new("/usr/bin/trocar")).unwrap(), of_package.to_owned()] {
+            assert!(!unit.contains("network-online"), "a box records without one: {unit}");
+            assert!(unit.contains("\nAfter=network.target\n"), "the agent sends until it has stopped: {unit}");
+        }
+    }
+
+    #[test]
+    fn a_masked_unit_is_replaced_and_what_it_links_to_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, elsewhere) = (folder.path().join("units").join(UNIT), folder.path().join("elsewhere"));
+        fs::write(&elsewhere, "another file").unwrap();
+        fs::create_dir(path.parent().unwrap()).unwrap();
+        std::os::unix::fs::symlink(&elsewhere, &path).unwrap();
+        replace_file(&path, b"[Unit]", 0o644).unwrap();
+        assert!(fs::symlink_metadata(&path).unwrap().is_file());
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o644);
+        assert_eq!(
+            (fs::read_to_string(&path).unwrap(), fs::read_to_string(&elsewhere).unwrap()),
+            ("[Unit]".into(), "another file".into())
+        );
+        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "nothing is left over");
     }
 
     #[test]
