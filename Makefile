@@ -85,7 +85,7 @@ browser-demo: release test-packages ## the same in the demonstration centre, aft
 .PHONY: deny
 deny: packages ## check licences, sources and banned crates with cargo-deny (installs it)
 	command -v cargo-deny >/dev/null || cargo install --locked cargo-deny
-	cargo deny check licenses bans sources
+	cargo deny check licenses bans sources # no advisories: deny.toml says why, and when to check them
 
 # ── nightly: too slow for every change ──────────────────────────────────────────────────────────────────────────────
 
