@@ -296,5 +296,7 @@ async fn erased_people_do_not_come_back_from_a_folder_that_the_service_used_befo
     let printed = succeed(&restored("confirmed"), &format!("{line} --erasures-until {until}"));
     assert!(printed.contains("erased again: 0") && printed.contains(&format!("known until: {until}")), "{printed}");
     let printed = succeed(&restored("named"), &format!("{line} --erasures {}", list.display()));
-    assert!(printed.contains("erased again: 1"), "{printed}");
+    assert!(printed.contains("erased again: 1 people and recordings"), "{printed}");
+    assert!(printed.contains("erased again: trainee ") && printed.contains(", listed as erased at 20"), "{printed}");
+    assert!(printed.contains("sudo systemctl start trocar"), "{printed}");
 }
