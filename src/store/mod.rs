@@ -47,7 +47,7 @@
 //! | [`Store::rescorings`] | `create` `cancel` `list` `get` `items` `trainees` · for [`crate::rescoring`]: `queue_waiting` `ended` `settle` `end_completed` |
 //! | [`Store::jobs`] | `enqueue` `list` `get` `retry` `counts` · for [`crate::queue`]: `claim` `heartbeat` `finish_…` `fail` `mark_crashed` `release` `sweep` |
 //! | [`Store::blobs`] | `unreferenced` `forget_if_unreferenced` `note` `has` `is_dropped` `all` `uses` `total` |
-//! | [`Store::erasures`] | `after` `last` `repeat` `add` |
+//! | [`Store::erasures`] | `after` `last` `repeat` `restore_times` `completed_later` `add` |
 //! | [`Store::pending_erasures`] | `extent` `request` `list` `take_back` `due` |
 //! | [`Store::retention`] | `old_videos` `drop_videos` `release_failed_pictures` |
 //! | [`Store::personal_retention`] | `of_trainee` `due_videos` `set` |
