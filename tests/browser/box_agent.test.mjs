@@ -187,6 +187,7 @@ test('without a check-in a recording waits for a name', async () => {
   await button(admin, 'Start recording at the box').click();
   await admin.page.getByText('Records without a name').waitFor({ timeout: 10_000 });
   await button(admin, 'Stop recording').click();
+  await button(admin, 'Start recording at the box').waitFor({ timeout: 10_000 }); // leaving the page would cut the request
   await admin.open('/waiting?source=agent');
   await admin.page.getByText(`${made.box.code} 20`).first().waitFor({ timeout: 10_000 });
   await admin.takePictures('waiting');
