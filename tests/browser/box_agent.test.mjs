@@ -143,7 +143,10 @@ test('a trainee checks in with a PIN, and a key starts and stops', async () => {
 });
 
 test('a recording waits for the first movement until the trainee, or another page, ends the wait', async () => {
-  await button(screen, 'Start with the first movement').click();
+  await waitUntil(async () => {
+    await button(screen, 'Start with the first movement').click({ timeout: 500 }).catch(() => {}); // as above
+    return (await screenState()).state.awaited_start;
+  }, 'the wait for a movement');
   await screen.page.getByText('Hold still').waitFor();
   await button(screen, 'Start now').waitFor();
   assert.deepEqual(await violationsOf(screen.page), []);
@@ -160,7 +163,10 @@ test('a recording waits for the first movement until the trainee, or another pag
   await admin.page.getByLabel('Task', { exact: true }).selectOption(made.task.id);
   await admin.page.getByLabel('Begin with the first movement').check();
   assert.deepEqual(await violationsOf(admin.page), []);
-  await button(admin, 'Start recording at the box').click();
+  await waitUntil(async () => {
+    await button(admin, 'Start recording at the box').click({ timeout: 500 }).catch(() => {}); // refused while the clip begins again
+    return (await screenState()).state.awaited_start;
+  }, 'the wait for a movement');
   await button(screen, 'Do not wait any more').click();
   await admin.page.getByText('Waits for the first movement').waitFor({ state: 'detached' });
   await button(screen, 'Check out').click();
@@ -229,7 +235,9 @@ test('the page of the box says why its screen shows no code', async () => {
 });
 
 test('the screen is in the language of the agent, also what is refused', async () => {
+  const gone = new Promise(done => agent.once('exit', done)); // it has the spool until then
   agent.kill('SIGKILL');
+  await gone;
   await standBy({ server: await underPublicName(), more: ['--language', 'de', '--require-check-in'] });
   await waitUntil(async () => (await screenState().catch(() => ({}))).check_in_address, 'the address of the code');
   await screen.page.goto(`http://127.0.0.1:${port}/`);
