@@ -7,12 +7,11 @@
 use std::time::Duration;
 
 use tokio::sync::mpsc::Receiver;
-use tokio::time::{Instant, sleep};
+use tokio::time::{Instant, sleep, sleep_until};
 
 use super::Standby;
 use super::movement::{MovementDetector, PictureMotion};
 use super::refusal::BoxRefusal;
-use crate::domain::box_agent::CHECK_IN_IDLE;
 use crate::domain::box_agent::messages::{CheckedIn, NamedTask, NamedTrainee};
 use crate::domain::box_agent::state::AwaitedStartState;
 use crate::ids::FeedId;
@@ -20,8 +19,6 @@ use crate::media::{CapturedFrame, FeedDecoder, MediaError, MediaLimits, SourceIn
 
 /// Time before the movement that the recording shows: a second at rest, and what a slow start takes until it is seen.
 const KEPT: Duration = Duration::from_secs(2);
-/// How long a movement is awaited: as long as a check-in lasts without a recording.
-const PATIENCE: Duration = CHECK_IN_IDLE;
 /// Pause before a camera is watched again that was interrupted.
 const PAUSE: Duration = Duration::from_millis(200);
 
@@ -51,11 +48,16 @@ impl Standby {
     /// # Errors
     /// Why not.
     pub(super) fn await_movement(&self, trainee: NamedTrainee, task: NamedTask) -> Result<(), BoxRefusal> {
-        if self.running().is_some() {
+        let running = self.running();
+        if running.is_some() {
             return Err(BoxRefusal::Running);
         }
         let number = {
             let mut facts = self.facts();
+            let other = facts.checked_in.as_ref().filter(|checked_in| checked_in.trainee.id != trainee.id);
+            if other.is_some() {
+                return Err(BoxRefusal::CheckedIn);
+            }
             facts.last_awaited += 1;
             let number = facts.last_awaited;
             facts.start_failed = None;
@@ -63,6 +65,7 @@ impl Standby {
                 Some(AwaitedStart { number, trainee, task, since: Instant::now(), is_picture_still: false });
             number
         };
+        drop(running);
         self.parts().camera.unwatch(); // the one before
         tokio::spawn(self.clone().watch_for_movement(number));
         self.note_change();
@@ -128,16 +131,23 @@ impl Standby {
     async fn watch_for_movement(self, number: u64) {
         loop {
             let Some(awaited) = self.awaited(number) else { return };
-            if awaited.since.elapsed() > PATIENCE {
-                self.end_awaited_start();
-                return;
-            }
+            let deadline = awaited.since + self.parts().movement_patience;
             let Some((info, frames)) = self.parts().camera.watch(KEPT) else {
+                if Instant::now() >= deadline {
+                    return self.end_awaited(number);
+                }
                 sleep(PAUSE).await;
                 continue;
             };
+            if self.awaited(number).is_none() {
+                return self.parts().camera.unwatch(); // it was ended just before
+            }
             let watching = self.clone();
-            let watched = tokio::task::spawn_blocking(move || watching.watch_camera(number, &info, frames)).await;
+            let watching = tokio::task::spawn_blocking(move || watching.watch_camera(number, &info, frames));
+            let watched = tokio::select! {
+                watched = watching => watched,
+                () = sleep_until(deadline) => return self.end_awaited(number),
+            };
             match watched {
                 Ok(Watched::Moved) => {
                     self.start_awaited(number);
@@ -151,7 +161,10 @@ impl Standby {
                     self.fail_awaited(number, BoxRefusal::Pictures(error.to_string()));
                     return;
                 }
-                Err(_) => return, // a panic is logged where it happened
+                Err(panic) => {
+                    self.fail_awaited(number, BoxRefusal::Pictures(panic.to_string()));
+                    return;
+                }
             }
         }
     }
@@ -208,21 +221,43 @@ impl Standby {
         self.facts().awaited.clone().filter(|awaited| awaited.number == number)
     }
 
+    /// Starts the recording that is awaited. A wait that is ended before starts nothing: both take the same lock.
     fn start_awaited(&self, number: u64) {
-        let Some(AwaitedStart { trainee, task, .. }) = self.awaited(number) else { return };
-        let id = FeedId::at(self.corrected_now_ms());
-        tracing::info!(recording = %id, "movement in the picture");
-        if let Err(why) = self.start(id, Some(trainee), Some(task)) {
-            self.fail_awaited(number, why);
+        let started = {
+            let mut running = self.running();
+            let Some(AwaitedStart { trainee, task, .. }) = self.take_awaited(number) else { return };
+            let id = FeedId::at(self.corrected_now_ms());
+            tracing::info!(recording = %id, "movement in the picture");
+            self.start_locked(&mut running, id, Some(trainee), Some(task))
+        };
+        if let Err(why) = started {
+            self.parts().camera.unwatch();
+            self.note_start_failed(why);
+        }
+    }
+
+    fn take_awaited(&self, number: u64) -> Option<AwaitedStart> {
+        self.facts().awaited.take_if(|awaited| awaited.number == number)
+    }
+
+    /// Ends this wait, unless another one has begun since.
+    fn end_awaited(&self, number: u64) {
+        if self.take_awaited(number).is_some() {
+            self.parts().camera.unwatch();
+            self.note_change();
         }
     }
 
     fn fail_awaited(&self, number: u64, why: BoxRefusal) {
-        if self.awaited(number).is_none() {
-            return;
+        if self.take_awaited(number).is_some() {
+            self.parts().camera.unwatch();
+            self.note_start_failed(why);
         }
+    }
+
+    fn note_start_failed(&self, why: BoxRefusal) {
         tracing::warn!(%why, "the recording did not start with the movement");
         self.facts().start_failed = Some(why);
-        self.end_awaited_start();
+        self.note_change();
     }
 }

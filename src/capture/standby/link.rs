@@ -161,7 +161,12 @@ impl Standby {
             ToAgent::CheckInRefused { why, wait_s } => {
                 let mut facts = self.facts();
                 facts.refusal = Some((why, wait_s));
-                facts.needs_unnamed_button |= why == CheckInRefusal::NoConsent;
+                let is_other_person = why == CheckInRefusal::NoConsent;
+                facts.needs_unnamed_button |= is_other_person;
+                drop(facts);
+                if is_other_person {
+                    self.end_awaited_start(); // the person at the box may be this one
+                }
             }
             ToAgent::PhoneCheckInRefused { refused_at_ms } => self.note_phone_refusal(refused_at_ms),
             ToAgent::CheckInAddress { address } => self.facts().set_check_in_address(Some(address), None),
@@ -172,7 +177,7 @@ impl Standby {
     }
 
     /// The server says who is checked in. False if it does not know yet that the trainee has left.
-    fn note_checked_in(&self, by: Option<CheckedIn>, ended: Option<CheckInEnd>) -> bool {
+    pub(super) fn note_checked_in(&self, by: Option<CheckedIn>, ended: Option<CheckInEnd>) -> bool {
         let mut facts = self.facts();
         let trainee = |checked_in: &CheckedIn| checked_in.trainee.id;
         if by.is_some() && by.as_ref().map(trainee) == facts.left {
@@ -196,10 +201,12 @@ impl Standby {
         }
         // Repeated to an agent that knows it already, it would undo what was chosen at the box since.
         let is_news = facts.checked_in.is_some() || !facts.knows_check_in;
-        if by.is_some() {
+        if by.is_some() && is_other {
             (facts.check_in_end, facts.last_unnamed, facts.needs_unnamed_button) = (None, None, false);
-            facts.phone_refusal = None;
-        } else if let Some(why) = ended.filter(|_| is_news) {
+            (facts.phone_refusal, facts.start_failed) = (None, None);
+        } else if by.is_none()
+            && let Some(why) = ended.filter(|_| is_news)
+        {
             (facts.check_in_end, facts.needs_unnamed_button) = (Some((why, Instant::now())), true);
         }
         facts.knows_check_in = true;

@@ -88,6 +88,8 @@ pub struct StandbyParts {
     pub requires_check_in: bool,
     /// True if the recording of a trainee who checks in begins with the first movement.
     pub starts_on_movement: bool,
+    /// How long a movement is awaited.
+    pub movement_patience: Duration,
     /// Ends all.
     pub shutdown: Shutdown,
 }

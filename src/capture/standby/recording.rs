@@ -137,7 +137,17 @@ impl Standby {
         if trainee.is_none() {
             self.check_unnamed_start()?;
         }
-        let mut running = self.running();
+        self.start_locked(&mut self.running(), id, trainee, task)
+    }
+
+    /// The same with the lock of the recording that runs: what is checked under it holds until the recording runs.
+    pub(super) fn start_locked(
+        &self,
+        running: &mut Option<RunningRecording>,
+        id: FeedId,
+        trainee: Option<NamedTrainee>,
+        task: Option<NamedTask>,
+    ) -> Result<(), BoxRefusal> {
         if running.is_some() {
             return Err(BoxRefusal::Running);
         }
@@ -166,7 +176,6 @@ impl Standby {
         }
         self.parts().camera.unwatch();
         *running = Some(RunningRecording { id, trainee, task, began, ending, recorder: Some(recorder), controls });
-        drop(running);
         self.0.spool_changed.notify_one();
         self.note_change();
         Ok(())
@@ -237,8 +246,10 @@ impl Standby {
 
     /// The agent ends: so does the recording that runs. Waits until all of it is in the spool.
     pub(super) async fn end_recording(&self) {
-        self.parts().agent.spool().note_broken_off("the agent was stopped while it recorded");
         let recorder = self.running().as_mut().and_then(|running| {
+            if !running.ending.is_begun() {
+                self.parts().agent.spool().note_broken_off("the agent was stopped while it recorded");
+            }
             running.ending.begin();
             running.recorder.take()
         });

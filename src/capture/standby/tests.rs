@@ -10,6 +10,7 @@ use super::recording::StartPress;
 use super::unnamed::{FileOutcome, UnnamedFile};
 use super::*;
 use crate::capture::spool::Spool;
+use crate::domain::box_agent::messages::NamedTrainee;
 use crate::media::{CaptureSource, MediaLimits, VideoFile};
 use crate::time::{Clock, SystemClock};
 
@@ -38,10 +39,19 @@ fn bench() -> Bench {
 
 /// The same with this spool, after this start of the computer.
 fn bench_with(folder: tempfile::TempDir, spool: &std::path::Path, boot: &str, answers: Answers) -> Bench {
-    let clip = folder.path().join("camera.avi");
+    make_clip(folder.path(), "testsrc2=size=64x48:rate=25", 1);
+    bench_with_clip(folder, spool, boot, answers)
+}
+
+/// The clip that the camera shows: what this filter of FFmpeg draws.
+fn make_clip(folder: &std::path::Path, filter: &str, seconds: u32) {
     let mut ffmpeg = Command::new("ffmpeg");
-    ffmpeg.args(["-v", "error", "-f", "lavfi", "-i", "testsrc2=size=64x48:rate=25", "-t", "1", "-c:v", "mjpeg"]);
-    assert!(ffmpeg.arg(&clip).status().unwrap().success());
+    ffmpeg.args(["-v", "error", "-f", "lavfi", "-i", filter, "-t", &seconds.to_string(), "-c:v", "mjpeg"]);
+    assert!(ffmpeg.arg(folder.join("camera.avi")).status().unwrap().success());
+}
+
+fn bench_with_clip(folder: tempfile::TempDir, spool: &std::path::Path, boot: &str, answers: Answers) -> Bench {
+    let clip = folder.path().join("camera.avi");
     let address = clip.to_str().unwrap().to_owned();
     let open: crate::capture::source::OpenSource =
         Arc::new(move |stop| CaptureSource::open(&address, &[], move || stop.load(Ordering::Relaxed)));
@@ -70,6 +80,7 @@ fn bench_with(folder: tempfile::TempDir, spool: &std::path::Path, boot: &str, an
         send_file,
         requires_check_in: false,
         starts_on_movement: false,
+        movement_patience: Duration::from_secs(3),
         shutdown: shutdown.clone(),
     });
     tokio::spawn({
@@ -207,4 +218,34 @@ async fn a_recording_that_cannot_be_sent_does_not_keep_the_next_one_from_being_s
     let state = bench.standby.state().spool;
     assert_eq!((state.recordings, state.refused.as_deref()), (1, Some("the server has an internal error")));
     bench.shutdown.begin();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_wait_for_a_movement_ends_if_nothing_moves_and_with_another_person() {
+    let folder = tempfile::tempdir().unwrap();
+    let spool = folder.path().join("spool");
+    make_clip(folder.path(), "color=c=gray:size=64x48:rate=25", 60);
+    let bench = bench_with_clip(folder, &spool, "boot 1", Arc::new(|_| None));
+    let (ada, bob) = (trainee("ada"), trainee("bob"));
+    bench.until(|bench| bench.standby.state().camera.is_open).await;
+    let began = Instant::now();
+    bench.standby.await_movement(ada.clone(), task()).unwrap();
+    bench.until(|bench| bench.standby.state().awaited_start.is_some_and(|awaited| awaited.is_picture_still)).await;
+    bench.until(|bench| bench.standby.state().awaited_start.is_none()).await;
+    assert!(began.elapsed() >= Duration::from_secs(3) && bench.standby.state().recording.is_none());
+
+    bench.standby.await_movement(ada, task()).unwrap();
+    let checked_in = CheckedIn { trainee: bob, task: None, tasks: vec![task()], last: None, idle_s: 600 };
+    bench.standby.note_checked_in(Some(checked_in), None);
+    assert!(bench.standby.state().awaited_start.is_none(), "another trainee is at the box");
+    assert!(bench.standby.await_movement(trainee("ada"), task()).is_err(), "as above");
+    bench.shutdown.begin();
+}
+
+fn trainee(name: &str) -> NamedTrainee {
+    NamedTrainee { id: TraineeId::at(SystemClock.now_ms()), name: name.to_owned() }
+}
+
+fn task() -> NamedTask {
+    NamedTask { id: TaskId::at(SystemClock.now_ms()), name: "peg".to_owned() }
 }

@@ -233,6 +233,9 @@ async fn record_and_send(
     let recorder = tokio::spawn(async move {
         let ended = record(&recorder, source, rules, &ending).await;
         ending.begin();
+        if let Some(controls) = controls {
+            controls.end().await; // the camera may be used while the rest is sent
+        }
         tracing::info!(frames = ended.frames, "recording ended");
         ended
     });
@@ -246,9 +249,6 @@ async fn record_and_send(
         recording.begin(); // the server never accepted it and never will: stop now, so that the user sees the error
     }
     let source_lost = recorder.await.context("recording")?.source_lost;
-    if let Some(controls) = controls {
-        controls.end().await;
-    }
     match outcome {
         SendOutcome::Complete(session) => {
             tracing::info!(%session, "recording complete on the server");

@@ -23,6 +23,7 @@ use crate::capture::standby::unnamed::{FileOutcome, SendFile};
 use crate::capture::standby::{Standby, StandbyParts};
 use crate::commands::CommandFailure;
 use crate::commands::upload::client::ServiceClient;
+use crate::domain::box_agent::CHECK_IN_IDLE;
 use crate::ids::FeedId;
 use crate::media::CaptureSource;
 use crate::shutdown::Shutdown;
@@ -119,6 +120,7 @@ pub(super) fn run(args: StandbyArgs) -> Result<(), CommandFailure> {
             send_file: send_file(&args),
             requires_check_in: args.require_check_in,
             starts_on_movement: args.start_on_movement,
+            movement_patience: CHECK_IN_IDLE, // as long as a check-in lasts without a recording
             shutdown: shutdown.clone(),
         });
         if let Some(port) = args.screen {

@@ -21,7 +21,8 @@ use key::CertificateKeyId;
 /// Format of [`CertificateContent`] that this program writes.
 pub const CONTENT_FORMAT: u32 = 1;
 
-/// The format of a certificate of an exam, which has [`CertificateContent::exam`].
+/// The format of a certificate of an exam, which has [`CertificateContent::exam`]. In every released version the numbers of
+/// its attempts count those that were declared void.
 pub const EXAM_FORMAT: u32 = 2;
 
 /// Characters of a code: no letter that is mistaken for a digit.

@@ -255,14 +255,23 @@ impl App {
 }
 
 impl App {
-    /// Fails if the agent of a box cannot let a recording begin with the first movement.
-    fn check_box_sees_movement(&self, of: BoxId) -> HandlerResult<()> {
+    /// Fails if the recording of a trainee cannot begin with the first movement in a box: another one may be there.
+    fn check_box_sees_movement(&self, scope: &Scope, of: BoxId, trainee: TraineeId) -> HandlerResult<()> {
         let view = self.box_agents.view(of);
+        let checked_in = view.check_in.as_ref().map(|check_in| check_in.trainee.id);
+        if checked_in.is_some_and(|checked_in| checked_in != trainee) {
+            return Err(Refusal::Conflict.with("Another trainee is checked in at the box, and would be recorded."));
+        }
+        if checked_in.is_none() && !scope.is_staff() {
+            let why = "Check in at the box first: until then nothing says that the next movement there is yours.";
+            return Err(Refusal::Conflict.with(why));
+        }
         if view.state.is_some_and(|state| state.can_start_on_movement) {
             return Ok(());
         }
         Err(Refusal::Conflict.with(
-            "The agent of the box is of an older version and cannot start by itself. Install the version of this server              there, or start the recording at once.",
+            "The agent of the box is of an older version and cannot start by itself. Install the version of this server \
+             there, or start the recording at once.",
         ))
     }
 }
@@ -357,8 +366,8 @@ pub async fn start_agent(
         app.store.consents().require(&by.scope, trainee.id).await?;
     }
     app.check_box_can_record(&by.scope, of).await?;
-    if new.on_movement {
-        app.check_box_sees_movement(of)?;
+    if let Some(trainee) = trainee.as_ref().filter(|_| new.on_movement) {
+        app.check_box_sees_movement(&by.scope, of, trainee.id)?;
     }
     let notes = app.store.box_agents();
     match &trainee {

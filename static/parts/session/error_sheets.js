@@ -27,7 +27,7 @@ export const LiveErrors = ({ session, person, watch }) => html`<${ErrorSheets} s
 function ErrorSheets({ session, person, now, goTo }) {
   const { data, problem, reload } = useData(
     signal => api.sessions.errorSheets(session.id, signal),
-    [session.id, session.task.id, session.result, session.set_aside, session.box_question],
+    [session.id, session.task.id, session.result, session.set_aside, session.voided, session.box_question],
   );
   const [refused, setRefused] = useState(null);
   const [finished, setFinished] = useState(false);
