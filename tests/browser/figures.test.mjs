@@ -575,9 +575,9 @@ async function groupWith(trainee) {
 }
 
 /** Rows of tables are read with plain spaces, and dates hold no-break spaces. */
-const plain = value => (typeof value === 'string' ? value.replaceAll('\u00a0', ' ') : value);
+const withPlainSpaces = value => (typeof value === 'string' ? value.replaceAll('\u00a0', ' ') : value);
 
-const differing = figures => figures.filter(([, shown, expected]) => plain(shown) !== plain(expected))
+const differing = figures => figures.filter(([, shown, expected]) => withPlainSpaces(shown) !== withPlainSpaces(expected))
   .map(([what, shown, expected]) => `${what}: the page shows ${shown}, REST has ${expected}`);
 
 /** Compares the figures of a page with REST, then opens the page with an altered answer and expects a difference. */
