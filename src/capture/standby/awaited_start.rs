@@ -87,7 +87,7 @@ impl Standby {
     pub(super) fn await_other_task(&self, task: NamedTask) {
         let awaited = self.facts().awaited.clone();
         match awaited {
-            Some(AwaitedStart { trainee, .. }) => drop(self.await_movement(trainee, task)), // see below
+            Some(AwaitedStart { trainee, .. }) => drop(self.await_movement(trainee, task)), // refused while a recording runs
             None => self.await_movement_if_automatic(),
         }
     }

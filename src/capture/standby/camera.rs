@@ -184,7 +184,8 @@ impl CameraKeeper {
     }
 
     /// Keeps the frames of this time, and passes on all frames until [`CameraKeeper::unwatch`], or until the camera is
-    /// interrupted. One who watches too slowly misses frames of JPEG, and begins again with H.264. `None` if the camera is missing.
+    /// interrupted. One who watches too slowly misses frames of JPEG, and begins again with H.264. `None` if the camera is
+    /// missing.
     pub(super) fn watch(&self, kept: Duration) -> Option<(SourceInfo, mpsc::Receiver<CapturedFrame>)> {
         let mut view = self.view();
         let info = view.info.clone().filter(|_| view.is_open)?;
