@@ -68,12 +68,26 @@ def fuzz(schemathesis, centre, description, name, headers, seconds):
     answers = json.loads(report.read_text())["log"]["entries"] if report.exists() else []
     faults = [entry for entry in answers if entry["response"]["status"] >= 500 and not is_busy(entry)]
     is_shown = name != "administrator" and MARKER in report.read_text()
-    is_changed = name != "administrator" and centre.state_of_group_two() != before
+    changes = [] if name == "administrator" else list(differences("", before, centre.state_of_group_two()))
     print(f"{name}: {len(answers)} answers, {len(faults)} faults{', DATA OF GROUP TWO SHOWN' if is_shown else ''}"
-          f"{', DATA OF GROUP TWO CHANGED' if is_changed else ''}", flush=True)
+          f"{', DATA OF GROUP TWO CHANGED' if changes else ''}", flush=True)
+    for change in changes[:10]:
+        print(f"  {change}")
     for entry in faults[:10]:
         print(f"  {entry['response']['status']} {entry['request']['method']} {entry['request']['url']}")
-    return len(answers) > 100 and not (faults or is_shown or is_changed)
+    return len(answers) > 100 and not (faults or is_shown or changes)
+
+
+def differences(path, before, after):
+    """A line for each value that differs: the path to it, the value before and after."""
+    if isinstance(before, dict) and isinstance(after, dict):
+        for key in sorted({*before, *after}):
+            yield from differences(f"{path}/{key}", before.get(key), after.get(key))
+    elif isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
+        for index, pair in enumerate(zip(before, after)):
+            yield from differences(f"{path}/{index}", *pair)
+    elif before != after:
+        yield f"{path}: {json.dumps(before)[:300]} became {json.dumps(after)[:300]}"
 
 
 def is_busy(entry):
@@ -116,7 +130,9 @@ class Centre:
         cohort = self.make("cohorts", {"name": f"Cohort {number}"})
         query = f"trainee={trainee}&task={task}&box={box}"
         clip, rows = b"\0\0\0\x20ftypisom" + number.encode() * 20, ["frame,time_s,tool,x_mm,y_mm,z_mm"]
-        rows += [f"{frame},{frame / 25},left,{frame % 40},{frame % 7},150" for frame in range(250)]
+        # Each group has other rows: a session names those with the same recording, so it would change with them.
+        depth_mm = {"one": 150, "two": 160}[number]
+        rows += [f"{frame},{frame / 25},left,{frame % 40},{frame % 7},{depth_mm}" for frame in range(250)]
         sent = self.send("POST", f"sessions?{query}&filename=clip.mp4", clip, {"Content-Type": "video/mp4"})
         imported = self.send("POST", f"sessions/import?{query}", "\n".join(rows).encode(), {"Content-Type": "text/csv"})
         for noun, ids in {"groups": [group], "trainees": [trainee], "people": [instructor], "boxes": [box], "tasks": [task],
@@ -150,12 +166,14 @@ class Centre:
         """Everything of group two that another group must not change."""
         second = {noun: self.ids[noun][len(self.ids[noun]) // 2:] for noun in ("groups", "trainees", "people", "boxes", "tasks",
                                                                               "courses", "sessions")}
-        people = [person for person in self.send("GET", "people?limit=200")["items"] if person["id"] in second.pop("people", [])]
+        instructors = second.pop("people")
+        people = [person for person in self.send("GET", "people?limit=200")["items"] if person["id"] in instructors]
         state = {noun: [self.send("GET", f"{noun}/{of}") for of in ids] for noun, ids in second.items()}
         for session in state["sessions"]:
-            session.pop("queue", None)  # its place in the queue depends on the sessions of others
-        parts = [self.send("GET", f"sessions/{of}/{part}") for of in second["sessions"] for part in ("comments", "edits", "ratings")]
-        return json.dumps([state, people, parts])
+            session.pop("queue_position")  # it depends on the sessions of others
+        parts = {part: [self.send("GET", f"sessions/{of}/{part}") for of in second["sessions"]]
+                 for part in ("comments", "edits", "ratings")}
+        return {**state, "people": people, **parts}
 
     def sign_in(self, login, password):
         body = json.dumps({"login": login, "password": password}).encode()
