@@ -2044,6 +2044,7 @@ export default {
     refusedFor: {
       'checked-in': 'Inzwischen hat sich jemand angemeldet: Drücken Sie Start.',
       'no-task': 'Wählen Sie zuerst eine Aufgabe.',
+      'needs-button': 'Melden Sie sich zuerst an, oder drücken Sie „Ohne Namen aufnehmen“: Die letzte Anmeldung wurde beendet oder abgelehnt.',
       'needs-check-in': 'Melden Sie sich zuerst an: Diese Box nimmt nichts ohne Namen auf.',
       running: 'Es läuft schon eine Aufnahme.',
       'not-running': 'Es läuft keine Aufnahme.',

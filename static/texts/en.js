@@ -1887,6 +1887,7 @@ export default {
     refusedFor: {
       'checked-in': 'A trainee has checked in meanwhile: press Start.',
       'no-task': 'Choose a task first.',
+      'needs-button': 'Check in first, or press “Record without a name”: the last check-in was ended or refused.',
       'needs-check-in': 'Check in first: this box makes no recordings without a name.',
       running: 'A recording is running already.',
       'not-running': 'No recording is running.',
