@@ -23,7 +23,7 @@ use tokio::time::timeout;
 
 use check_in_code::CheckInCodes;
 
-use crate::domain::box_agent::messages::{CheckInEnd, NamedTask, NamedTrainee, StartCommand, ToAgent};
+use crate::domain::box_agent::messages::{CheckInEnd, NamedTask, NamedTrainee, StartCommand, StopTarget, ToAgent};
 use crate::domain::box_agent::state::AgentState;
 use crate::domain::box_agent::{CHECK_IN_IDLE, SILENT_AFTER};
 use crate::domain::scope::Scope;
@@ -155,8 +155,8 @@ pub enum AgentCommand {
     Start(FeedId, Option<NamedTrainee>, Option<NamedTask>),
     /// The same with the first movement in the picture.
     StartOnMovement(FeedId, NamedTrainee, NamedTask),
-    /// End the recording, or await no movement any more.
-    Stop,
+    /// End this recording, or this wait for the first movement.
+    Stop(StopTarget),
 }
 
 impl BoxAgents {
@@ -231,7 +231,7 @@ impl BoxAgents {
                     let (trainee, task) = (Some(trainee), Some(task));
                     ToAgent::Start(StartCommand { command: number, recording, trainee, task, on_movement: true })
                 }
-                AgentCommand::Stop => ToAgent::Stop { command: number },
+                AgentCommand::Stop(target) => ToAgent::Stop { command: number, target: Some(target) },
             };
             if !entry.send(message) {
                 return Err(CommandError::Silent);
@@ -318,6 +318,30 @@ impl BoxAgents {
         has_ended
     }
 
+    /// The trainee whose first movement a box awaits, as it said last.
+    pub fn awaited_trainee(&self, of: BoxId) -> Option<TraineeId> {
+        let now_ms = self.0.clock.monotonic_ms();
+        self.lock().agents.get(&of)?.awaited_trainee(now_ms)
+    }
+
+    /// The trainees whose first movement is awaited at a box that can be reached.
+    pub fn awaited_starts(&self) -> Vec<(BoxId, TraineeId)> {
+        let now_ms = self.0.clock.monotonic_ms();
+        let of_one = |(of, entry): (&BoxId, &BoxEntry)| Some((*of, entry.awaited_trainee(now_ms)?));
+        self.lock().agents.iter().filter_map(of_one).collect()
+    }
+
+    /// Orders that the first movement of this trainee is awaited no longer, and does not wait for the answer: the agent says
+    /// in its state what it does.
+    pub fn end_awaited_start(&self, of: BoxId, trainee: TraineeId) {
+        let mut registry = self.lock();
+        registry.last_number += 1;
+        let command = registry.last_number;
+        if let Some(entry) = registry.agents.get_mut(&of) {
+            entry.send(ToAgent::Stop { command, target: Some(StopTarget::AwaitedStart(trainee)) });
+        }
+    }
+
     /// Ends the check-in at a box. Returns it.
     pub fn check_out(&self, of: BoxId) -> Option<CheckIn> {
         self.lock().agents.get_mut(&of)?.check_in.take()
@@ -351,6 +375,11 @@ impl BoxEntry {
     fn is_online(&self, now_ms: i64) -> bool {
         let is_fresh = |(heard_ms, _): (i64, i64)| now_ms - heard_ms <= millis(SILENT_AFTER);
         self.link.is_some() && self.heard.is_some_and(is_fresh)
+    }
+
+    fn awaited_trainee(&self, now_ms: i64) -> Option<TraineeId> {
+        let state = self.state.as_ref().filter(|_| self.is_online(now_ms))?;
+        state.awaited_start.map(|awaited| awaited.trainee)
     }
 
     /// Sends a message. False if there is no connection, or its agent does not read; it is then disconnected.

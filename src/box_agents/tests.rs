@@ -15,13 +15,15 @@ fn ada() -> (NamedTrainee, Scope) {
 #[tokio::test]
 async fn a_command_is_answered_by_the_agent_and_fails_at_once_without_one() {
     let agents = BoxAgents::new(ManualClock::at(0));
-    assert_eq!(agents.command(*BOX, AgentCommand::Stop).await, Err(CommandError::Silent));
+    let stop = || AgentCommand::Stop(StopTarget::Recording(FeedId::at(3)));
+    assert_eq!(agents.command(*BOX, stop()).await, Err(CommandError::Silent));
     let mut connection = agents.connect(*BOX, "agent 1".to_owned(), CheckInPage::default());
     let asking = {
         let agents = agents.clone();
-        tokio::spawn(async move { agents.command(*BOX, AgentCommand::Stop).await })
+        let command = stop();
+        tokio::spawn(async move { agents.command(*BOX, command).await })
     };
-    let Some(ToAgent::Stop { command }) = connection.next().await else { panic!("no command") };
+    let Some(ToAgent::Stop { command, .. }) = connection.next().await else { panic!("no command") };
     connection.answered(command + 1, None); // another one
     connection.answered(command, Some("no recording is running".to_owned()));
     assert_eq!(asking.await.unwrap(), Err(CommandError::Refused("no recording is running".to_owned())));

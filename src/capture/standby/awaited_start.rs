@@ -14,7 +14,7 @@ use super::movement::{MovementDetector, PictureMotion};
 use super::refusal::BoxRefusal;
 use crate::domain::box_agent::messages::{CheckedIn, NamedTask, NamedTrainee};
 use crate::domain::box_agent::state::AwaitedStartState;
-use crate::ids::FeedId;
+use crate::ids::{FeedId, TraineeId};
 use crate::media::{CapturedFrame, FeedDecoder, MediaError, MediaLimits, SourceInfo, block_means};
 
 /// Time before the movement that the recording shows: a second at rest, and what a slow start takes until it is seen.
@@ -94,7 +94,16 @@ impl Standby {
 
     /// Awaits no movement any more. True if one was awaited.
     pub(super) fn end_awaited_start(&self) -> bool {
-        let has_ended = self.facts().awaited.take().is_some();
+        self.end_awaited_start_if(|_| true)
+    }
+
+    /// The same, only for the movement of this trainee.
+    pub(super) fn end_awaited_start_of(&self, trainee: TraineeId) -> bool {
+        self.end_awaited_start_if(|awaited| awaited.trainee.id == trainee)
+    }
+
+    fn end_awaited_start_if(&self, is_it: impl Fn(&AwaitedStart) -> bool) -> bool {
+        let has_ended = self.facts().awaited.take_if(|awaited| is_it(awaited)).is_some();
         if has_ended {
             self.parts().camera.unwatch();
             self.note_change();
@@ -111,14 +120,8 @@ impl Standby {
 
     /// Awaits no movement any more, unless it is that of the trainee who is checked in.
     pub(super) fn end_awaited_start_of_another(&self) {
-        let is_of_another = {
-            let facts = self.facts();
-            let trainee = facts.checked_in.as_ref().map(|checked_in| checked_in.trainee.id);
-            facts.awaited.as_ref().is_some_and(|awaited| Some(awaited.trainee.id) != trainee)
-        };
-        if is_of_another {
-            self.end_awaited_start();
-        }
+        let trainee = self.facts().checked_in.as_ref().map(|checked_in| checked_in.trainee.id);
+        self.end_awaited_start_if(|awaited| Some(awaited.trainee.id) != trainee);
     }
 
     /// The recording that is awaited, for readers.
@@ -242,10 +245,7 @@ impl Standby {
 
     /// Ends this wait, unless another one has begun since.
     fn end_awaited(&self, number: u64) {
-        if self.take_awaited(number).is_some() {
-            self.parts().camera.unwatch();
-            self.note_change();
-        }
+        self.end_awaited_start_if(|awaited| awaited.number == number);
     }
 
     fn fail_awaited(&self, number: u64, why: BoxRefusal) {

@@ -149,8 +149,12 @@ impl Standby {
                 let refused = started.err().map(|why| why.to_string());
                 return self.answer(command, refused, sink).await;
             }
-            ToAgent::Stop { command } => {
-                let refused = self.stop().await.err().map(|why| why.to_string());
+            ToAgent::Stop { command, target } => {
+                let stopped = match target {
+                    Some(target) => self.stop_target(target).await,
+                    None => self.stop().await,
+                };
+                let refused = stopped.err().map(|why| why.to_string());
                 return self.answer(command, refused, sink).await;
             }
             ToAgent::CheckedIn { by, ended } => {

@@ -15,7 +15,7 @@ use crate::capture::recorder::{RecordingRules, record};
 use crate::capture::sender::{SendOutcome, send};
 use crate::capture::source::FrameSource;
 use crate::capture::spool::{SpooledRecording, StartMoment};
-use crate::domain::box_agent::messages::{CheckInRefusal, CheckedIn, NamedTask, NamedTrainee};
+use crate::domain::box_agent::messages::{CheckInRefusal, CheckedIn, NamedTask, NamedTrainee, StopTarget};
 use crate::domain::feed::PROTOCOL;
 use crate::domain::feed::messages::Hello;
 use crate::ids::FeedId;
@@ -230,9 +230,29 @@ impl Standby {
         if self.end_awaited_start() {
             return Ok(());
         }
+        self.stop_recording(None).await
+    }
+
+    /// Ends what a page showed, and nothing else that the box has begun since.
+    ///
+    /// # Errors
+    /// It has ended already, or is ending.
+    pub(super) async fn stop_target(&self, target: StopTarget) -> Result<(), BoxRefusal> {
+        match target {
+            StopTarget::Recording(id) => self.stop_recording(Some(id)).await,
+            StopTarget::AwaitedStart(trainee) if self.end_awaited_start_of(trainee) => Ok(()),
+            StopTarget::AwaitedStart(_) => Err(BoxRefusal::StopTooLate),
+        }
+    }
+
+    /// Ends the recording that runs. `id`: only if it is this one.
+    async fn stop_recording(&self, id: Option<FeedId>) -> Result<(), BoxRefusal> {
         {
             let running = self.running();
             let running = running.as_ref().ok_or(BoxRefusal::NotRunning)?;
+            if id.is_some_and(|id| id != running.id) {
+                return Err(BoxRefusal::StopTooLate);
+            }
             if running.ending.is_begun() {
                 return Err(BoxRefusal::Ending);
             }

@@ -22,6 +22,9 @@ pub enum BoxRefusal {
     /// There is no recording to stop.
     #[error("no recording is running")]
     NotRunning,
+    /// What was to be stopped has ended, and the box may do something else now.
+    #[error("what was to be stopped has ended meanwhile; press Stop again if what the box does now is to end")]
+    StopTooLate,
     /// The recording was stopped already.
     #[error("the recording is ending: its last frames are being written")]
     Ending,
@@ -55,6 +58,7 @@ impl BoxRefusal {
             Self::NeedsCheckIn => "needs-check-in",
             Self::Running => "running",
             Self::NotRunning => "not-running",
+            Self::StopTooLate => "stop-too-late",
             Self::Ending => "ending",
             Self::CameraMissing => "camera-missing",
             Self::NoSpace(_) => "no-space",

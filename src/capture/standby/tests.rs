@@ -7,10 +7,11 @@ use tokio::io::AsyncReadExt;
 use tokio::time::timeout;
 
 use super::recording::StartPress;
+use super::refusal::BoxRefusal;
 use super::unnamed::{FileOutcome, UnnamedFile};
 use super::*;
 use crate::capture::spool::Spool;
-use crate::domain::box_agent::messages::NamedTrainee;
+use crate::domain::box_agent::messages::{NamedTrainee, StopTarget};
 use crate::media::{CaptureSource, MediaLimits, VideoFile};
 use crate::time::{Clock, SystemClock};
 
@@ -239,6 +240,29 @@ async fn a_wait_for_a_movement_ends_if_nothing_moves_and_with_another_person() {
     bench.standby.note_checked_in(Some(checked_in), None);
     assert!(bench.standby.state().awaited_start.is_none(), "another trainee is at the box");
     assert!(bench.standby.await_movement(trainee("ada"), task()).is_err(), "as above");
+    bench.shutdown.begin();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_ends_what_it_was_meant_for_and_not_what_has_begun_since() {
+    let bench = bench();
+    let (ada, other) = (trainee("ada"), TraineeId::at(1));
+    bench.until(|bench| bench.standby.state().camera.is_open).await;
+    bench.standby.await_movement(ada.clone(), task()).unwrap();
+    let of_other = bench.standby.stop_target(StopTarget::AwaitedStart(other)).await;
+    assert_eq!((of_other, bench.standby.state().awaited_start.is_some()), (Err(BoxRefusal::StopTooLate), true));
+    bench.standby.stop_target(StopTarget::AwaitedStart(ada.id)).await.unwrap();
+    assert!(bench.standby.state().awaited_start.is_none());
+
+    // An examiner's order begins while the stop of the wait is on its way.
+    let attempt = FeedId::at(SystemClock.now_ms());
+    bench.standby.start(attempt, Some(ada.clone()), Some(task())).unwrap();
+    for late in [StopTarget::AwaitedStart(ada.id), StopTarget::Recording(FeedId::at(1))] {
+        assert_eq!(bench.standby.stop_target(late).await, Err(BoxRefusal::StopTooLate));
+    }
+    assert_eq!(bench.standby.state().recording.unwrap().recording, attempt);
+    bench.standby.stop_target(StopTarget::Recording(attempt)).await.unwrap();
+    bench.until(|bench| bench.standby.state().recording.is_none()).await;
     bench.shutdown.begin();
 }
 

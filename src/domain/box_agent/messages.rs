@@ -75,10 +75,14 @@ pub enum ToAgent {
     },
     /// Start a recording.
     Start(StartCommand),
-    /// End the recording.
+    /// End the recording, or the wait for the first movement.
     Stop {
         /// Repeated in the answer.
         command: u64,
+        /// What is ended: the box may have begun something else meanwhile. Older servers do not say it, and older agents
+        /// end what they do.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        target: Option<StopTarget>,
     },
     /// Who is checked in at the box.
     CheckedIn {
@@ -130,6 +134,16 @@ pub struct StartCommand {
     /// ([`AgentState::can_start_on_movement`]).
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub on_movement: bool,
+}
+
+/// What a stop ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopTarget {
+    /// This recording.
+    Recording(FeedId),
+    /// The wait for the first movement of this trainee.
+    AwaitedStart(TraineeId),
 }
 
 /// A trainee.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::box_agents::{AgentCommand, BoxAgentView, CommandError};
-use crate::domain::box_agent::messages::{NamedTask, NamedTrainee};
+use crate::domain::box_agent::messages::{NamedTask, NamedTrainee, StopTarget};
 use crate::domain::box_agent::self_test_need::{SelfTestReason, reasons};
 use crate::domain::box_agent::state::{AwaitedStartState, BoxCameraState, ClockState, LightState, SpoolState};
 use crate::domain::named;
@@ -404,6 +404,7 @@ impl NewBoxRecording {
 /// End the recording of a box, or the wait for the first movement
 ///
 /// For staff who see its trainee, and for the trainee, except an attempt of an exam. Every member of staff ends one without a name.
+/// Refused (409) if what the box did has ended meanwhile: what it has begun since continues.
 #[utoipa::path(post, path = "/boxes/{id}/agent/stop", tag = "boxes",
     params(("id" = String, Path, description = "id or code")), responses((status = OK, body = BoxAgentResponse)))]
 pub async fn stop_agent(
@@ -414,9 +415,9 @@ pub async fn stop_agent(
     let of = app.store.boxes().get(&by.scope, &key).await?.id;
     let view = app.box_agents.view(of);
     let state = view.state.filter(|_| view.is_online).ok_or_else(silent_box)?;
-    let (trainee, recording) = match (state.recording, state.awaited_start) {
-        (Some(running), _) => (running.trainee, Some(running.recording)),
-        (None, Some(awaited)) => (Some(awaited.trainee), None),
+    let (trainee, target) = match (state.recording, state.awaited_start) {
+        (Some(running), _) => (running.trainee, StopTarget::Recording(running.recording)),
+        (None, Some(awaited)) => (Some(awaited.trainee), StopTarget::AwaitedStart(awaited.trainee)),
         (None, None) => return Err(Refusal::Conflict.with("The box is not recording.")),
     };
     match trainee {
@@ -425,7 +426,8 @@ pub async fn stop_agent(
                 let why = "The box records another person. Only that person or their staff can stop it.";
                 return Err(Refusal::Conflict.with(why));
             }
-            if let Some(recording) = recording.filter(|_| !by.scope.is_staff())
+            if let StopTarget::Recording(recording) = target
+                && !by.scope.is_staff()
                 && app.store.exams().is_ordered(recording).await?
             {
                 let why = "This recording is an attempt of an exam. The examiner ends it.";
@@ -440,7 +442,7 @@ pub async fn stop_agent(
         }
         None => app.store.box_agents().note_unnamed_command(&by.scope, BoxCommand::Stop, of).await?,
     }
-    app.box_agents.command(of, AgentCommand::Stop).await.map_err(command_problem)?;
+    app.box_agents.command(of, AgentCommand::Stop(target)).await.map_err(command_problem)?;
     Ok(Json(app.box_agent_response(&by.scope, of, None).await?))
 }
 
