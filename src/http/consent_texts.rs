@@ -89,7 +89,7 @@ pub async fn publish(
 ) -> HandlerResult<Created<ConsentTextResponse>> {
     new.check()?;
     let text = app.store.consents().publish(&by.scope, new).await?;
-    app.end_invalid_check_ins().await;
+    app.end_invalid_check_ins_and_waits().await;
     Ok(Created { location: "/api/v1/consent-texts".to_owned(), made: text.into() })
 }
 
@@ -104,7 +104,7 @@ pub async fn change(
     Json(change): Json<ConsentTextChange>,
 ) -> HandlerResult<Json<ConsentTextResponse>> {
     let text = app.store.consents().change_text(&by.scope, at.id()?, change).await?;
-    app.end_invalid_check_ins().await;
+    app.end_invalid_check_ins_and_waits().await;
     Ok(Json(text.into()))
 }
 

@@ -139,7 +139,7 @@ impl StandingAgent {
                 }
                 _ = renewal.tick() => app.box_agents.renew_check_in_code(self.of),
                 _ = noting.tick() => {
-                    app.end_invalid_check_ins().await; // such as after a new text became due
+                    app.end_invalid_check_ins_and_waits().await; // such as after a new text became due
                     self.note_seen(app, program.clone()).await;
                     let now = self.light_reference(app).await;
                     if now != light_reference {
@@ -199,8 +199,13 @@ impl StandingAgent {
             AgentMessage::State { sent_at_ms, state } => {
                 let server_ms = app.clock.now_ms();
                 send(socket, &ToAgent::Time { sent_at_ms, server_ms }).await?;
+                let awaited = state.awaited_start.map(|awaited| awaited.trainee);
+                let awaits_another = awaited != app.box_agents.awaited_trainee(self.of);
                 if connection.heard(*state) {
                     let _ = app.announce_check_in(self.of).await; // as above
+                }
+                if awaited.is_some() && awaits_another {
+                    app.end_invalid_awaited_starts().await; // the consent may have been withdrawn before this was heard
                 }
             }
             AgentMessage::Done { command, refused } => connection.answered(command, refused),
@@ -308,9 +313,10 @@ impl App {
         Ok(())
     }
 
-    /// Ends the check-ins of trainees who do not consent to recordings any more, or have no record any more: it was erased,
-    /// or merged with another one. Call it after each change that may have that effect.
-    pub(in crate::http) async fn end_invalid_check_ins(&self) {
+    /// Ends the check-ins, and the waits for a first movement, of trainees who do not consent to recordings any more, or have
+    /// no record any more: it was erased, or merged with another one. Call it after each change that may have that effect.
+    pub(in crate::http) async fn end_invalid_check_ins_and_waits(&self) {
+        self.end_invalid_awaited_starts().await;
         for (of, CheckIn { trainee, scope, .. }) in self.box_agents.check_ins() {
             let ended = match self.why_check_in_ends(&scope, trainee.id).await {
                 Ok(ended) => ended,
@@ -322,6 +328,22 @@ impl App {
             if let Some(why) = ended.filter(|why| self.box_agents.end_check_in(of, trainee.id, *why)) {
                 tracing::info!(in_box = %of, ?why, "check-in ended");
                 self.box_agents.send(of, ToAgent::CheckedIn { by: None, ended });
+            }
+        }
+    }
+
+    /// Staff may have ordered a wait for a trainee who is not checked in.
+    async fn end_invalid_awaited_starts(&self) {
+        for (of, trainee) in self.box_agents.awaited_starts() {
+            match self.why_check_in_ends(&Scope::service(), trainee).await {
+                Ok(None) => {}
+                Ok(Some(why)) => {
+                    tracing::info!(in_box = %of, ?why, "wait for the first movement ended");
+                    self.box_agents.end_awaited_start(of, trainee);
+                }
+                Err(error) => {
+                    tracing::error!(%error, in_box = %of, "a wait was not checked; looked at again within a minute");
+                }
             }
         }
     }

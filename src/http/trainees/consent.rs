@@ -97,7 +97,7 @@ pub async fn record_consent(
     if recorded.state.ends_running_recordings() {
         let feeds = app.feeds.clone();
         app.shutdown.spawn(async move { feeds.end_recordings_of(trainee).await });
-        app.end_invalid_check_ins().await;
+        app.end_invalid_check_ins_and_waits().await;
     }
     Ok(Created { location: format!("/api/v1/trainees/{trainee}/consent"), made: recorded.into() })
 }

@@ -78,7 +78,7 @@ pub async fn merge(
         let feeds = app.feeds.clone();
         app.shutdown.spawn(async move { feeds.end_recordings_of(kept.id).await });
     }
-    app.end_invalid_check_ins().await;
+    app.end_invalid_check_ins_and_waits().await;
     Ok(Created { location: format!("/api/v1/trainees/{}/merges", kept.id), made: made.into() })
 }
 
@@ -97,7 +97,7 @@ pub async fn separate(
 ) -> HandlerResult<Json<MergeResponse>> {
     let kept = app.store.trainees().get(&by.scope, &Key::from(&key)).await?.id;
     let separated = app.store.record_merges().separate_trainees(&by.scope, kept, merge, wanted.why).await?;
-    app.end_invalid_check_ins().await;
+    app.end_invalid_check_ins_and_waits().await;
     Ok(Json(separated.into()))
 }
 

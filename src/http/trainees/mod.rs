@@ -152,6 +152,6 @@ pub async fn erase(
         Some(after) => app.store.pending_erasures().request(&by.scope, &key, after).await?,
         None => app.store.trainees().erase(&by.scope, &key).await?,
     }
-    app.end_invalid_check_ins().await;
+    app.end_invalid_check_ins_and_waits().await;
     Ok(StatusCode::NO_CONTENT)
 }

@@ -66,6 +66,26 @@ async fn a_recording_begins_with_the_first_movement_and_shows_the_picture_at_res
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_wait_that_staff_ordered_ends_with_the_consent() {
+    let box_1 = box_with_rod().await;
+    let (admin, ada) = (&box_1.centre.administrator, &box_1.centre.trainee);
+    let text = json!({"en": {"title": "Recordings", "body": "We record you."}, "required_from": "2020-01-01"});
+    let text = admin.make("/api/v1/consent-texts", text).await["id"].clone();
+    let decide = async |decision: &str| {
+        ada.make("/api/v1/trainees/ada/consents", json!({"text": text, "decision": decision})).await;
+    };
+    decide("given").await;
+    let _agent = box_1.stand_by(&[]).await;
+    let ordered = json!({"trainee": "ada", "task": "peg", "on_movement": true});
+    read(box_1.start(&box_1.centre.instructor, ordered).await, StatusCode::OK).await;
+    let state = box_1.until(|state| state["awaited_start"].is_object()).await;
+    assert_eq!(state["checked_in"], Value::Null, "a check-in that ends would end the wait");
+    decide("withdrawn").await;
+    let state = box_1.until(|state| state["awaited_start"].is_null()).await;
+    assert_eq!(state["recording"], Value::Null);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_box_that_starts_by_itself_awaits_the_first_movement_after_a_check_in() {
     let box_1 = box_with_rod().await;
     let (ada, check_in) = (&box_1.centre.trainee, "/api/v1/boxes/box-1/check-in");
