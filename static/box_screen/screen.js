@@ -165,7 +165,7 @@ const Warnings = ({ state }) => html`
   ${!state.state.camera.is_open && html`<div class="notice bad" role="alert"><div><strong>${words.cameraFaults[state.camera_fault] ?? words.cameraMissing}</strong>
     <${Detail} text=${state.state.camera.why} /></div></div>`}
   ${state.state.spool.is_full && html`<p class="notice bad" role="alert"><strong>${words.isFull}</strong></p>`}
-  ${state.has_ended_for_space && html`<p class="notice bad" role="alert"><strong>${words.endedForSpace}</strong></p>`}
+  ${state.reached_limit && html`<p class="notice bad" role="alert"><strong>${words.reachedLimits[state.reached_limit]}</strong></p>`}
   ${state.state.spool.refused && html`<div class="notice warn"><div><strong>${words.recordingKept}</strong>
     <${Detail} text=${state.state.spool.refused} /></div></div>`}
   ${state.is_clock_wrong && html`<p class="notice warn"><strong>${words.clockWrong}</strong></p>`}`;

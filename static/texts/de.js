@@ -2067,7 +2067,10 @@ export default {
     refusedByServer: 'Der Server lehnt diese Box ab: Fragen Sie die Administration. Aufnahmen gehen weiter; sie bleiben hier.',
     recordingKept: 'Eine Aufnahme kann nicht gesendet werden. Sie bleibt hier; die Seite der Box sagt, was zu tun ist. Fragen Sie die Lehrenden.',
     isFull: 'Der Rechner dieser Box hat keinen Platz mehr: Sagen Sie es den Lehrenden. Aufnahmen ohne Namen sind nicht möglich, und andere können ihren Anfang verlieren.',
-    endedForSpace: 'Die letzte Aufnahme endete vorzeitig, weil dieser Rechner keinen Platz mehr hatte. Was aufgenommen wurde, ist nicht verloren. Bitten Sie die Lehrenden, Platz zu schaffen.',
+    reachedLimits: {
+      space: 'Die letzte Aufnahme endete vorzeitig, weil dieser Rechner keinen Platz mehr hatte. Was aufgenommen wurde, ist nicht verloren. Bitten Sie die Lehrenden, Platz zu schaffen.',
+      'file-size': 'Die letzte Aufnahme endete vorzeitig, weil sie so lang ist, wie der Server sie ohne Namen annimmt. Was aufgenommen wurde, ist nicht verloren. Melden Sie sich für längere Aufnahmen an.',
+    },
     details: 'Technische Angabe',
     clockWrong: 'Die Uhr dieses Rechners geht falsch: Sagen Sie es den Lehrenden. Aufnahmen bekommen die richtige Zeit.',
     frames: count => `${count} ${count === '1' ? 'Bild' : 'Bilder'}`,

@@ -1910,7 +1910,10 @@ export default {
     refusedByServer: 'The server refuses this box: ask the administrators. Recordings go on; they are kept here.',
     recordingKept: 'A recording cannot be sent. It is kept here; the page of the box says what to do. Ask staff.',
     isFull: 'The computer of this box has no space left: ask staff. Recordings without a name are not possible, and others may lose their beginning.',
-    endedForSpace: 'The last recording ended early, because this computer had no space left. What was recorded is not lost. Ask staff to make space.',
+    reachedLimits: {
+      space: 'The last recording ended early, because this computer had no space left. What was recorded is not lost. Ask staff to make space.',
+      'file-size': 'The last recording ended early, because it is as long as the server takes without a name. What was recorded is not lost. Check in for longer recordings.',
+    },
     details: 'Technical detail',
     clockWrong: 'The clock of this computer is wrong: ask staff to set it. Recordings get the right time.',
     frames: count => `${count} ${count === '1' ? 'frame' : 'frames'}`,

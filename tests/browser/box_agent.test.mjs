@@ -249,7 +249,7 @@ test('the screen is in the language of the agent, also what is refused', async (
   await screen.page.route('**/state*', async route => {
     const state = await (await route.fetch()).json();
     state.state.camera = { ...state.state.camera, is_open: false, why: 'the source cannot be opened (Device or resource busy)' };
-    Object.assign(state, { is_phone_refused: true, has_ended_for_space: true, camera_fault: 'busy', is_connected: false, is_refused: true, trouble: 'the token is not valid (401)' });
+    Object.assign(state, { is_phone_refused: true, reached_limit: 'space', camera_fault: 'busy', is_connected: false, is_refused: true, trouble: 'the token is not valid (401)' });
     await route.fulfill({ json: state });
   });
   await screen.page.getByText('Die Anmeldung mit dem Telefon wurde abgelehnt').waitFor();

@@ -141,7 +141,7 @@ impl SpooledRecording {
     }
 
     /// Length of its records, bytes.
-    pub(super) fn record_bytes(&self) -> u64 {
+    pub fn record_bytes(&self) -> u64 {
         self.segments.iter().map(|segment| segment.bytes).sum()
     }
 

@@ -112,7 +112,7 @@ impl Standby {
 
     async fn handle(&self, message: ToAgent, sink: &mut Sink) -> Result<(), DisconnectOutcome> {
         match message {
-            ToAgent::Welcome { box_name, light_reference, token_expires_at } => {
+            ToAgent::Welcome { box_name, light_reference, max_file_bytes, token_expires_at } => {
                 if let Some(expires_at) = token_expires_at {
                     tracing::warn!(expires_at, "the token expires soon: make another and put it into the token file");
                 }
@@ -121,6 +121,7 @@ impl Standby {
                     let mut facts = self.facts();
                     (facts.box_name, facts.light_reference) = (box_name, Some(light_reference));
                     (facts.is_connected, facts.is_refused) = (true, false);
+                    facts.max_file_bytes = max_file_bytes;
                     facts.trouble.clear();
                     let left = facts.left.map(|_| AgentMessage::CheckOut);
                     left.into_iter().chain(facts.chosen.map(|task| AgentMessage::Task { task })).collect::<Vec<_>>()

@@ -47,6 +47,7 @@ use camera::CameraKeeper;
 use clock::{ComputerTime, ServerClock};
 use recording::RunningRecording;
 use refusal::{BoxRefusal, ShownRefusal};
+use space::UnnamedLimit;
 use unnamed::{SendFile, UnnamedState};
 
 use super::Agent;
@@ -153,8 +154,10 @@ struct Facts {
     last_awaited: u64,
     /// Why the last one that was awaited did not begin.
     start_failed: Option<BoxRefusal>,
-    /// True if the last recording was ended because there was no more space for it.
-    has_ended_for_space: bool,
+    /// The limit that the last recording reached, if it was ended for it.
+    reached_limit: Option<UnnamedLimit>,
+    /// Longest file that the server takes, bytes, if it has said so.
+    max_file_bytes: Option<u64>,
 }
 
 /// What the box's screen shows.
@@ -192,8 +195,8 @@ pub struct ScreenState {
     pub needs_unnamed_button: bool,
     /// What became of the last recording, if it has no name.
     pub last_unnamed: Option<UnnamedState>,
-    /// True if the last recording was ended because there was no more space for it.
-    pub has_ended_for_space: bool,
+    /// The limit that the last recording reached, if it was ended for it.
+    pub reached_limit: Option<UnnamedLimit>,
     /// Name of the trainee who is recorded; `None` also for a recording without a name.
     pub recorded: Option<String>,
     /// The task of the recording that runs.
@@ -313,7 +316,7 @@ impl Standby {
             start_failed: facts.start_failed.as_ref().map(ShownRefusal::from),
             needs_unnamed_button: facts.needs_unnamed_button,
             last_unnamed: facts.last_unnamed.map(|(_, state)| state),
-            has_ended_for_space: facts.has_ended_for_space,
+            reached_limit: facts.reached_limit,
             recorded,
             recorded_task,
             check_in_address: facts.check_in_address.clone(),

@@ -172,7 +172,7 @@ impl Standby {
         {
             let mut facts = self.facts();
             (facts.last_unnamed, facts.awaited, facts.start_failed) = (None, None, None);
-            facts.has_ended_for_space = false;
+            facts.reached_limit = None;
         }
         self.parts().camera.unwatch();
         *running = Some(RunningRecording { id, trainee, task, began, ending, recorder: Some(recorder), controls });

@@ -222,6 +222,21 @@ async fn a_recording_that_cannot_be_sent_does_not_keep_the_next_one_from_being_s
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_recording_without_a_name_ends_before_its_file_is_longer_than_the_server_takes() {
+    const MAX_FILE_BYTES: u64 = 60_000;
+    let bench = bench();
+    bench.until(|bench| bench.standby.state().camera.is_open).await;
+    bench.standby.facts().max_file_bytes = Some(MAX_FILE_BYTES);
+    bench.standby.start_at_box(StartPress::Start).unwrap();
+    bench.until(|bench| bench.standby.screen_state().reached_limit == Some(UnnamedLimit::FileSize)).await;
+    compare_clock(&bench.standby, 0);
+    bench.until(|bench| bench.standby.screen_state().last_unnamed == Some(UnnamedState::Waits)).await;
+    let (file, pictures) = bench.sent.lock().unwrap()[0].clone();
+    assert!((MAX_FILE_BYTES / 2..=MAX_FILE_BYTES).contains(&file.bytes), "{} bytes, {pictures} pictures", file.bytes);
+    bench.shutdown.begin();
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_wait_for_a_movement_ends_if_nothing_moves_and_with_another_person() {
     let folder = tempfile::tempdir().unwrap();
     let spool = folder.path().join("spool");

@@ -14,8 +14,7 @@ use crate::capture::recording_file::{FileBytes, RecordingFile, RecordingFileErro
 use crate::ids::FeedId;
 use crate::time::from_rfc3339;
 
-/// Longest recording without a name, s: one that was started by mistake must not fill the disk. Half an hour at 36 Mbit/s
-/// has the size that the server takes in one request.
+/// Longest recording without a name, s: one that was started by mistake must not fill the disk.
 pub(super) const MAX_SECONDS: f64 = 30.0 * 60.0;
 /// First and longest pause before a recording is sent again; each pause is twice the one before.
 const MIN_PAUSE: Duration = Duration::from_millis(500);

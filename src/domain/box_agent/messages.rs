@@ -57,6 +57,9 @@ pub enum ToAgent {
         box_name: String,
         /// What the brightness of the picture is compared with: another value when the box is calibrated or tested again.
         light_reference: String,
+        /// Longest file that the server takes, bytes: a recording without a name is sent as one. Older servers do not say it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        max_file_bytes: Option<u64>,
         /// When the token expires, RFC 3339, if that is soon.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         token_expires_at: Option<String>,

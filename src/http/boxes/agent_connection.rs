@@ -115,7 +115,8 @@ impl StandingAgent {
         let mut light_reference = self.light_reference(app).await;
         let token_expires_at =
             expires_soon(SignedIn::token_expiry(app, &self.headers).await, app.clock.now_ms()).map(to_rfc3339);
-        let welcome = ToAgent::Welcome { box_name: name, light_reference: light_reference.clone(), token_expires_at };
+        let (light, max_file_bytes) = (light_reference.clone(), Some(app.service_info.max_upload_bytes));
+        let welcome = ToAgent::Welcome { box_name: name, light_reference: light, max_file_bytes, token_expires_at };
         send(socket, &welcome).await?;
         let _ = app.announce_check_in(self.of).await; // a store error is logged there; the agent keeps what it knows
         let mut events = app.events.subscribe();

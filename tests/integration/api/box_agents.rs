@@ -429,7 +429,7 @@ async fn a_recording_without_a_name_that_fills_the_spool_ends_and_arrives_whole(
     let box_1 = Box1::open().await;
     let agent = box_1.stand_by(&["--spool-bytes", &SPOOL_BYTES.to_string()]).await;
     assert_eq!(press(&agent, "/start", json!({})).await.status(), StatusCode::NO_CONTENT);
-    let ended = screen_until(&agent, |state| state["has_ended_for_space"] == true).await;
+    let ended = screen_until(&agent, |state| state["reached_limit"] == "space").await;
     assert_eq!(ended["state"]["recording"], Value::Null, "{ended}");
     screen_until(&agent, |state| state["last_unnamed"] == "waits").await;
     let arrived = waiting(&box_1, 1).await.remove(0);

@@ -157,7 +157,7 @@ async fn a_box_whose_disk_is_full_says_so_loses_nothing_acknowledged_and_goes_on
     assert_eq!(box_1.press("/start").await.status(), StatusCode::NO_CONTENT);
     box_1.more_frames(25).await;
     disk.fill();
-    let state = box_1.screen_until(|state| state["has_ended_for_space"] == true).await;
+    let state = box_1.screen_until(|state| state["reached_limit"] == "space").await;
     assert_eq!(state["state"]["recording"], Value::Null, "{state}");
     box_1.screen_until(|state| state["last_unnamed"] == "waits").await;
     let refused = box_1.press("/start").await;
