@@ -62,7 +62,7 @@ pub async fn feed(
 ) -> HandlerResult<Response> {
     let upgrade = upgrade.map_err(|_| {
         Refusal::BadRequest
-            .with("This address accepts only WebSocket connections. `trocar agent` and the page *Record* send recordings to it.")
+            .with("This address accepts only WebSocket connections. `trocar agent` and the page Record send recordings to it.")
     })?;
     origin::refuse_foreign(&headers)?;
     app.store.boxes().get(&by.scope, &in_box).await?;

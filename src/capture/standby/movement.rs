@@ -1,16 +1,17 @@
 //! The first movement in a picture that was still: it starts a recording by itself.
 //!
 //! A camera at rest gives pictures that differ by noise, and by flicker of the light, alone. So the detector first learns
-//! the picture at rest: mean and spread of each block of the picture over a second. A block has changed if it differs from
+//! the picture at rest: mean and spread of each block of the picture over a second, longer with a slow camera. A block has changed if it differs from
 //! its rest by more than six times its spread. Movement is a change of two neighbouring blocks in three pictures in
 //! succession. A change of half of the picture is none: the light was switched on, or the camera was pushed, and the
 //! detector learns again.
 
 use crate::media::{BLOCK_COLUMNS, BLOCK_ROWS};
 
-/// Time over which the picture at rest is learned, s: some fifty periods of the flicker of lamps.
+/// Shortest time over which the picture at rest is learned, s: some fifty periods of the flicker of lamps.
 const LEARN_S: f64 = 1.0;
-/// Fewest pictures that a spread is estimated from: it is right to a quarter then.
+/// Fewest pictures that a spread is estimated from: it is right to a quarter then. A camera with less than eight pictures a
+/// second is looked at for longer.
 const MIN_LEARNED: usize = 8;
 /// A block moved while it was learned if its spread is this many times that of the median block. Noise differs by less
 /// between blocks: that of light grows with the root of the brightness.
@@ -83,10 +84,11 @@ impl MovementDetector {
 
     fn learn(&mut self, time_s: f64, blocks: Vec<f32>) {
         self.learned.push((time_s, blocks));
-        let first_needed = self.learned.iter().rposition(|(at_s, _)| *at_s <= time_s - LEARN_S);
-        let Some(first) = first_needed else { return };
-        self.learned.drain(..first);
-        self.rest = Rest::of(&self.learned).filter(|_| self.learned.len() >= MIN_LEARNED);
+        let of_time = self.learned.iter().rposition(|(at_s, _)| *at_s <= time_s - LEARN_S);
+        let of_count = self.learned.len().checked_sub(MIN_LEARNED);
+        let (Some(of_time), Some(of_count)) = (of_time, of_count) else { return };
+        self.learned.drain(..of_time.min(of_count));
+        self.rest = Rest::of(&self.learned);
         if self.rest.is_some() {
             self.learned.clear();
         }
@@ -163,21 +165,22 @@ mod tests {
 
     use super::*;
 
-    /// A mat of different brightness, with noise, at 25 pictures a second.
+    /// A mat of different brightness, with noise, at 25 pictures a second unless `interval_s` is changed.
     struct Scene {
         random: StdRng,
         noise: f32,
+        interval_s: f64,
         time_s: f64,
     }
 
     impl Scene {
         fn new(noise: f32) -> Self {
-            Self { random: StdRng::seed_from_u64(7), noise, time_s: 0.0 }
+            Self { random: StdRng::seed_from_u64(7), noise, interval_s: 0.04, time_s: 0.0 }
         }
 
         /// The next picture, with a tool over these blocks, in this light.
         fn next(&mut self, tool: &[usize], light: f32) -> (f64, Vec<f32>) {
-            self.time_s += 0.04;
+            self.time_s += self.interval_s;
             let noise = |random: &mut StdRng| (0..12).map(|_| random.random::<f32>()).sum::<f32>() - 6.0;
             let block = |i: usize| {
                 let level = if tool.contains(&i) { 30.0 } else { 60.0 + (i % 50) as f32 };
@@ -201,6 +204,18 @@ mod tests {
             assert!(states[settled..].iter().all(|state| *state == PictureMotion::Still), "{noise}");
             let seen: Vec<_> = (0..3).map(|_| look(&mut detector, scene.next(&[300, 301, 332], 1.0))).collect();
             assert_eq!(seen, [PictureMotion::Still, PictureMotion::Still, PictureMotion::Moves], "{noise}");
+        }
+    }
+
+    #[test]
+    fn a_slow_camera_is_looked_at_for_longer() {
+        for (rate_hz, pictures) in [(60.0, 61), (10.0, 11), (4.0, 8), (1.0, 8)] {
+            let (mut scene, mut detector) = (Scene::new(1.0), MovementDetector::default());
+            scene.interval_s = 1.0 / rate_hz;
+            let settled = (1..100).find(|_| look(&mut detector, scene.next(&[], 1.0)) == PictureMotion::Still);
+            assert!(settled.is_some_and(|seen| (pictures..=pictures + 1).contains(&seen)), "{rate_hz}: {settled:?}");
+            let seen = (0..3).map(|_| look(&mut detector, scene.next(&[300, 301, 332], 1.0))).last();
+            assert_eq!(seen, Some(PictureMotion::Moves), "{rate_hz}");
         }
     }
 
