@@ -370,7 +370,8 @@ pub(super) fn outcome_of_close_code(number: u16, why: &str) -> DisconnectOutcome
         }
         Some(CloseCode::SignedOut) => "put a new token into the token file and restart the agent",
         Some(CloseCode::Unknown) => {
-            "create the box, trainee or task on the server, or name another one, and restart the agent"
+            "create the box, trainee or task on the server, or name another one, and restart the agent. If it was erased \
+             there, delete the recording"
         }
         Some(CloseCode::Superseded) => "check that no other agent sends this recording",
         Some(CloseCode::TooLarge | CloseCode::OutOfPlace) => {
