@@ -1,10 +1,10 @@
 //! The first movement in a picture that was still: it starts a recording by itself.
 //!
 //! A camera at rest gives pictures that differ by noise, and by flicker of the light, alone. So the detector first learns
-//! the picture at rest: mean and spread of each block of the picture over a second, longer with a slow camera. A block has changed if it differs from
-//! its rest by more than six times its spread. Movement is a change of two neighbouring blocks in three pictures in
-//! succession. A change of half of the picture is none: the light was switched on, or the camera was pushed, and the
-//! detector learns again.
+//! the picture at rest: mean and spread of each block of the picture over a second, longer with a slow camera. A block has
+//! changed if it differs from its rest by more than six times its spread. Movement is a change of two neighbouring blocks
+//! in three pictures in succession. A change of half of the picture is none: the light was switched on, or the camera was
+//! pushed, and the detector learns again.
 
 use crate::media::{BLOCK_COLUMNS, BLOCK_ROWS};
 
