@@ -427,8 +427,8 @@ export const api = {
     setCompletion: (id, number, json) => request('PUT', ['exams', id, 'attempts', String(number), 'completion'], { json }),
     /** @param {string} id @param {number} number @param {ApiBody<'POST', ['exams', string, 'attempts', string, 'void']>} json */
     void: (id, number, json) => request('POST', ['exams', id, 'attempts', String(number), 'void'], { json }),
-    /** @param {string} id */
-    close: id => request('POST', ['exams', id, 'close']),
+    /** @param {string} id @param {Schemas['ExamResult'] | null} [result] the one that the page shows */
+    close: (id, result) => request('POST', ['exams', id, 'close'], { query: { expected_result: result } }),
     /** @param {string} id @param {ApiBody<'POST', ['exams', string, 'certificates']>} json */
     certify: (id, json) => request('POST', ['exams', id, 'certificates'], { json }),
   },

@@ -364,20 +364,31 @@ pub async fn void(
     app.exam_details(&by.scope, exam).await
 }
 
+/// What the examiner saw before an exam is closed.
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct ExamClosing {
+    /// The result that `result_if_closed` had. If it is another one by now, the exam stays open.
+    expected_result: Option<ExamResult>,
+}
+
 /// Close an exam
 ///
 /// Each attempt must be judged, and called completed or broken off; `result_if_closed` of the exam says what the result would
-/// be. From then on the candidate sees result and figures, and nothing of the exam changes any more. Attempts that are left
+/// be. With `expected_result` a result that has changed meanwhile is refused (409). From then on the candidate sees result and figures, and nothing of the exam changes any more. Attempts that are left
 /// are lost. An exam that cannot be decided is closed without a result for or against the candidate: plan another one. A
 /// token does not suffice.
-#[utoipa::path(post, path = "/exams/{id}/close", tag = "exams", params(("id" = String, Path, description = "id")),
+#[utoipa::path(post, path = "/exams/{id}/close", tag = "exams",
+    params(("id" = String, Path, description = "id"), ExamClosing),
     responses((status = OK, body = ExamDetails)))]
 pub async fn close(
     State(app): State<App>,
     BySignIn(by): BySignIn<Staff>,
     at: PathKey,
+    Params(seen): Params<ExamClosing>,
 ) -> HandlerResult<Json<ExamDetails>> {
-    let exam = app.store.exams().close(&by.scope, at.id()?).await?;
+    let exam = app.store.exams().close(&by.scope, at.id()?, seen.expected_result).await?;
     app.notify_attempts(&by.scope, &exam).await?;
     app.exam_details(&by.scope, exam).await
 }

@@ -146,7 +146,7 @@ function Run({ exam, onChange }) {
       </div>
     </section>
     ${closing && html`<${Confirm} title=${words.closeTitle} body=${[exam.result_if_closed && words.ifClosed(words.results[exam.result_if_closed]), words.closeBody, left > 0 && words.closeLeft(left)].filter(Boolean).join(' ')} yes=${words.close} no=${words.notYet}
-      onYes=${() => api.exams.close(exam.id).then(onChange)} onClose=${() => setClosing(false)} />`}`;
+      onYes=${() => api.exams.close(exam.id, exam.result_if_closed).then(onChange, error => { onChange(); throw error; })} onClose=${() => setClosing(false)} />`}`;
 }
 
 /** @param {Props} props */

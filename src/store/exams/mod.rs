@@ -427,11 +427,12 @@ impl ExamStore<'_> {
         self.get(scope, id).await
     }
 
-    /// Closes an exam with its result. From then on the candidate sees it.
+    /// Closes an exam with its result. From then on the candidate sees it. `expected`: the result that the examiner saw.
     ///
     /// # Errors
-    /// It is not running, no attempt counts, one is not judged yet, or the examiner has not said whether it was completed.
-    pub async fn close(&self, scope: &Scope, id: ExamId) -> StoreResult<ExamRecord> {
+    /// It is not running, no attempt counts, one is not judged yet, the examiner has not said whether it was completed, or the
+    /// result is another one than expected.
+    pub async fn close(&self, scope: &Scope, id: ExamId, expected: Option<ExamResult>) -> StoreResult<ExamRecord> {
         require_staff(scope, "closing exams")?;
         self.get(scope, id).await?;
         let (by, now_ms) = (scope.clone(), self.0.now_ms());
@@ -448,6 +449,11 @@ impl ExamStore<'_> {
                 }
                 let result = result_of(&counted_attempts(&begun)?)
                     .ok_or_else(|| StoreError::refused("no attempt counts: record one, or cancel the exam"))?;
+                if expected.is_some_and(|expected| expected != result) {
+                    return Err(StoreError::refused(
+                        "the result of the exam has changed meanwhile: look at the attempts and the result again, then close it",
+                    ));
+                }
                 end(tx, &by, id, (ExamState::Closed, Some(result)), now_ms).await?;
                 note(tx, &by, now_ms, ("close", "exam"), id).await
             })

@@ -57,6 +57,7 @@ const SELECT_BOX_ASKED: &str = "
       AND ($2 IS 'service' OR session.trainee_id NOT IN (SELECT trainee_id FROM hidden_trainee))
       AND ($1 <> 'trainee' OR session.id NOT IN (SELECT session_id FROM sealed_session))
       AND NOT EXISTS (SELECT 1 FROM set_aside_session WHERE set_aside_session.session_id = session.id)
+      AND NOT EXISTS (SELECT 1 FROM exam_attempt WHERE exam_attempt.session_id = session.id) -- nothing of it is answered
       AND NOT EXISTS (SELECT 1 FROM dismissed_session AS dismissed
                       WHERE dismissed.session_id = session.id AND dismissed.kind = 'box_asked'
                         AND dismissed.person_id = $4 AND coalesce(dismissed.until_ms > $5, TRUE))

@@ -2,7 +2,7 @@
 //! records, rows that were changed behind the program's back. And what the candidate hears meanwhile.
 
 use futures_util::{SinkExt, StreamExt};
-use reqwest::StatusCode;
+use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
@@ -190,8 +190,24 @@ async fn a_value_that_was_not_measured_leaves_the_exam_undecided_unless_it_is_vo
     let why = json!({"reason": "A drape covered the camera."});
     let voided = of.centre.administrator.post(&format!("{exam}/attempts/2/void"), why).await;
     assert_eq!(read(voided, StatusCode::OK).await["result_if_closed"], "not_passed");
-    let closed = of.close(&exam).await;
+    let outdated = instructor.request(Method::POST, &format!("{exam}/close?expected_result=undecided")).send().await;
+    problem(outdated.unwrap(), 409, "conflict").await;
+    assert_eq!(instructor.read(&exam).await["state"], "running", "nothing has changed");
+    let unknown = instructor.request(Method::POST, &format!("{exam}/close?expected_result=won")).send().await;
+    problem(unknown.unwrap(), 400, "bad-request").await;
+    let closed = instructor.request(Method::POST, &format!("{exam}/close?expected_result=not_passed")).send().await;
+    let closed = read(closed.unwrap(), StatusCode::OK).await;
     assert_eq!((&closed["result"], &closed["result_if_closed"]), (&json!("not_passed"), &Value::Null));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_attempt_that_may_be_of_another_box_waits_for_no_answer() {
+    let of = ExamCentre::open().await;
+    let (instructor, exam) = (&of.centre.instructor, of.running(1).await);
+    of.attempt(&exam, vec![duration(30.0, 1.0)]).await;
+    execute(&of.database(), "UPDATE session SET box_question = 'asked'").await.unwrap();
+    let waits = instructor.read("/api/v1/attention").await["box_asked"].clone();
+    assert_eq!(waits, json!([]), "an attempt is never edited, so no one could answer");
 }
 
 #[tokio::test(flavor = "multi_thread")]
