@@ -2048,6 +2048,7 @@ export default {
       'needs-check-in': 'Melden Sie sich zuerst an: Diese Box nimmt nichts ohne Namen auf.',
       running: 'Es läuft schon eine Aufnahme.',
       'not-running': 'Es läuft keine Aufnahme.',
+      'stop-too-late': 'Was Sie beenden wollten, ist schon zu Ende. Drücken Sie noch einmal, wenn auch das enden soll, was die Box jetzt tut.',
       ending: 'Die Aufnahme endet gerade: Ihre letzten Bilder werden geschrieben.',
       'camera-missing': 'Die Kamera fehlt: Stecken Sie sie ein.',
       'no-space': 'Der Rechner dieser Box hat keinen Platz für eine Aufnahme: Bitten Sie die Lehrenden, Platz zu schaffen.',

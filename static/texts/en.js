@@ -1891,6 +1891,7 @@ export default {
       'needs-check-in': 'Check in first: this box makes no recordings without a name.',
       running: 'A recording is running already.',
       'not-running': 'No recording is running.',
+      'stop-too-late': 'What you wanted to end has ended already. Press once more if what the box does now is to end too.',
       ending: 'The recording is ending: its last pictures are being written.',
       'camera-missing': 'The camera is missing: plug it in.',
       'no-space': 'The computer of this box has no space for a recording: ask staff to make space.',
