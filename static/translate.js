@@ -1,10 +1,14 @@
 // The service answers in English and gives each text a code. These functions return a text in the page's language, by
 // its code. A text without a code, or without a translation of its code, stays English; `lang` then marks a problem's
 // detail and a self-test's part. The reasons for a missing position are in `session.reasons` of both languages.
+import { BOX_REFUSALS, CONFLICTS, findSentence } from './conflicts.js';
 import { INVALID_VALUES } from './invalid_values.js';
 import { serviceLang, t } from './texts.js';
 
 const PROBLEM = '/problems/';
+/** The problems with the sentences of `CONFLICTS`. */
+const CONFLICT_CODES = ['conflict', 'gone', 'in-use', 'too-many'];
+const REFUSED_BY_BOX = 'refused_by_box';
 
 /** English has few translations, because the service speaks it. @type {Record<string, any>} */
 const translations = t.said;
@@ -131,7 +135,27 @@ export function fieldErrorText({ message }) {
     const found = message.match(pattern);
     if (found) return { text: translations.invalid[name](...found.slice(1)), lang: undefined };
   }
-  return { text: message, lang: serviceLang };
+  const text = conflictText(message);
+  return text ? { text, lang: undefined } : { text: message, lang: serviceLang };
+}
+
+/** Why something is not possible now; undefined if the sentence has no translation. @param {string} sentence */
+function conflictText(sentence) {
+  const found = translations.conflicts && findSentence(CONFLICTS, sentence);
+  if (!found) return undefined;
+  const { name, captured } = found;
+  if (name !== REFUSED_BY_BOX) return translations.conflicts[name](...captured);
+  const why = boxRefusalText(captured[0]);
+  return why && translations.conflicts[name](why);
+}
+
+/** Why the agent of a box refuses, in the words of its screen; undefined if another version of the agent says it otherwise. */
+function boxRefusalText(why) {
+  const found = findSentence(BOX_REFUSALS, why);
+  if (!found) return undefined;
+  const { refusedFor, details } = t.boxScreen;
+  const [detail] = found.captured;
+  return detail ? `${refusedFor[found.name]} ${details}: ${detail}.` : refusedFor[found.name];
 }
 
 /** The code of a problem is in `type` for a response and in `slug` for a job. The page's own problems have none. */
@@ -142,9 +166,11 @@ export const problemTitle = problem => translationOf('problems', problemCode(pro
 
 /** What to do, as `{ text, lang }`. The translation may depend on other members of the problem. */
 export function problemDetail(problem) {
-  const translated = translationOf('problems', problemCode(problem))?.[1];
-  const text = (typeof translated === 'function' ? translated(problem) : translated) || invalidDetail(problem);
-  return text ? { text, lang: undefined } : { text: problem.detail, lang: problemCode(problem) && serviceLang };
+  const code = problemCode(problem);
+  const translated = translationOf('problems', code)?.[1];
+  const text = (typeof translated === 'function' ? translated(problem) : translated) || invalidDetail(problem)
+    || (CONFLICT_CODES.includes(code) && conflictText(problem.detail));
+  return text ? { text, lang: undefined } : { text: problem.detail, lang: code && serviceLang };
 }
 
 /** All that is wrong with the values of a request, if every sentence has a translation. */

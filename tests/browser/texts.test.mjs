@@ -6,7 +6,9 @@ import { test } from 'node:test';
 
 import de from '../../static/texts/de.js';
 import en from '../../static/texts/en.js';
+import { BOX_REFUSALS, CONFLICTS, findSentence } from '../../static/conflicts.js';
 import { INVALID_VALUES } from '../../static/invalid_values.js';
+import { boxRefusals, conflictSentences } from './conflict_sentences.mjs';
 
 const source = path => readFileSync(new URL(`../../${path}`, import.meta.url), 'utf8');
 /** The source files of the service and its science, without their tests. */
@@ -134,7 +136,8 @@ const CODE_ARGUMENTS = {
   rows: [{ from_frame: 9, from_s: 0.3, to_frame: 10, to_s: 0.3333 }],
   moment: [83.2],
   invalid: ['12', '3', '40'],
-  problems: [{ field: 'trainee', consent: 'missing', limit: 5, limit_bytes: 2_000_000, reason: 'too_few_people', missing: { novice: 3, intermediate: 0, expert: 1 } }],
+  conflicts: ['12', '3', '40', '7'],
+  problems: [{ field: 'trainee', consent: 'missing', wait_s: 5, limit_bytes: 2_000_000, reason: 'too_few_people', missing: { novice: 3, intermediate: 0, expert: 1 } }],
   colours: [{ share: 0.123, label: 'background', light: '30 % darker', frame: 7, at: [1, 2], steps: [1.23, 4.56], largest_of_band: 0.7 }],
   selfTest: [{ light: 'green', figure: 0.123 }, { accuracy: { touches: 6, rms_mm: 1, along_rms_mm: 1, across_rms_mm: 1, largest_mm: 2 },
     holds: [{ not_counted: null }, { not_counted: 'board_moved' }], focal_change_percent: 0.1, focal_sigma_percent: 0.1 }],
@@ -216,4 +219,80 @@ test('what the service says about a field has a German sentence, which is the fi
   }
   const names = INVALID_VALUES.map(([name]) => name);
   for (const texts of [said, theirs]) assert.deepEqual(Object.keys(texts.invalid), names);
+});
+
+const TO_SENDERS = 'it closes the connection of a sender of frames';
+/** Sentences that no page shows, and why. */
+const NEVER_SHOWN = {
+  'It would have the address {} for ever, which can be opened {}. An administrator can set the right address: `public_url` under `[http]` in the settings file, which is trocar.toml in the data folder unless the service was started with another one. It counts after a restart. If it is to have this address all the same, confirm it with `accept_local_address`.':
+    'the page asks in its own words, by `local_address`',
+  'Another worker has taken over this job. Read it again.': 'a worker gets it',
+  'This result belongs to a job on {}, but the job has none.': 'a worker gets it',
+  "A session's job is made with the session.": 'no route enqueues such a job',
+  'This was a preview.': 'the store catches it',
+  "The folder's name is not UTF-8.": 'the start of the service fails with it',
+  '`{}` in the list of erasures is not an id.': 'a restore fails with it',
+  'The upload has {} bytes. Ask for the offset with HEAD, and continue from there.': 'a tus client continues by itself',
+  '{} of {} bytes have arrived: send the rest first.': 'a tus client sends the rest first',
+  'This cursor is of another list: begin with the first page.': 'the pages use a cursor with its own list',
+  'An imported session has only one path. Request it with `kind=smoothed`.': 'the pages request the path that there is',
+  'There is no such {}.': TO_SENDERS,
+  'The box is sending another recording ({}): end that one, or stop its sender.': TO_SENDERS,
+  'The recording is being assembled: connect again.': TO_SENDERS,
+  'Another connection sends this recording now.': TO_SENDERS,
+  'A later connection of the agent.': TO_SENDERS,
+  'The session was erased: a new recording needs a new id.': TO_SENDERS,
+  'This recording was erased: start a new recording with a new id.': TO_SENDERS,
+  'This recording was begun with another box, trainee, task, codec, size or time base: start a new recording with a new id.': TO_SENDERS,
+  '{} {} unfinished recordings: end them, or wait until they end by themselves.': TO_SENDERS,
+  'You are sending as many recordings at once as are allowed. End one of them, then try again.': TO_SENDERS,
+  'Too many agents stand by with this token, or in all. Stop the others.': 'an agent gets it',
+  'There were too many failed attempts. Try again in {} s.': 'the pages say it by `wait_s`',
+  'There were too many failed attempts to sign in. Try again in {} s. A browser that has signed in to the account before does not wait for the attempts of others, and a link for a new password, from an administrator, works at once.': 'the pages say it by `sign_in_wait_s`',
+  'This recording was ordered for an exam of another candidate, task or box, or for another sender.': TO_SENDERS,
+  'The exam takes this recording no more: it has ended, its attempts are used, or the attempt was started anew. Look at the page of the exam.': TO_SENDERS,
+};
+/** Calls that pass on a sentence of another place. */
+const PASSED_ON = [
+  'src/http/certificates/mod.rs: format!("{}.", super::error::capitalised(&error))', // The sentences of `IssueError`, which are read.
+  'src/http/error.rs: format!("{}.", capitalised(&error))', // Those of the store, which are read.
+  "src/http/error.rs: format!(\"{}.\", capitalised(&why.trim_end_matches('.')))", // Those of limits of senders, which are read.
+  'src/http/error.rs: format!("{}.", capitalised(detail))', // The pages translate it by its `reason`.
+  'src/http/sessions/files.rs: sentence(&deleted)', // That of `video_deleted`, which is read.
+  'src/store/edits.rs: invalid.to_string()', // A constant that is valid.
+  'src/store/palettes.rs: error.to_string()', // The handler has checked the sizes, and answers `invalid`.
+  'src/store/sessions/write.rs: dropped', // That of `video_deleted`, which is read.
+];
+const conflicts = conflictSentences(sources);
+const shownSentences = conflicts.sentences.filter(sentence => !(sentence in NEVER_SHOWN));
+/** The sentence that a program would get, with a text for each `{}`. */
+const filled = sentence => sentence.replaceAll('{}', () => 'Some 3');
+
+test('every sentence about what is not possible now has a German text, which gets what the service inserts', () => {
+  assert.ok(shownSentences.length >= 140, `${shownSentences.length} sentences found in the source`);
+  assert.deepEqual(shownSentences.filter(sentence => !findSentence(CONFLICTS, filled(sentence))), [], 'static/conflicts.js lacks these');
+  for (const sentence of shownSentences) {
+    const { name, captured } = findSentence(CONFLICTS, filled(sentence));
+    assert.deepEqual(captured, sentence.split('{}').slice(1).map(() => 'Some 3'), sentence);
+    assert.equal(said.conflicts[name]?.length, captured.length, `${name}: parameters of the German text`);
+  }
+});
+
+test('the sentences about what is not possible now are all in the sources, each once, and each is read there', () => {
+  const all = CONFLICTS.flatMap(([, ...sentences]) => sentences);
+  assert.deepEqual(all.filter(sentence => !shownSentences.includes(sentence)), [], 'static/conflicts.js has these, the service has not');
+  assert.deepEqual(all.filter((sentence, at) => all.indexOf(sentence) !== at), []);
+  assert.deepEqual(Object.keys(said.conflicts), CONFLICTS.map(([name]) => name));
+  assert.deepEqual(Object.keys(NEVER_SHOWN).filter(sentence => !conflicts.sentences.includes(sentence)), [], 'no longer in the source');
+  assert.deepEqual(conflicts.unread.sort(), PASSED_ON, 'calls with a sentence that this test does not read');
+  const otherwise = /\bRefusal::(?:Conflict|Gone|TooMany)\b(?!\s*\.with\()|\bStoreError::Refused \{ why:/;
+  assert.deepEqual(sources.filter(([, text]) => otherwise.test(text)).map(([name]) => name).sort(), ['src/http/error.rs', 'src/store/error.rs']);
+});
+
+test('what the agent of a box refuses has a text for the screen of the box and for the pages', () => {
+  const refusals = boxRefusals(source('src/capture/standby/refusal.rs'));
+  assert.deepEqual(BOX_REFUSALS, refusals);
+  assert.ok(refusals.length >= 14, `${refusals.length} refusals found in the source`);
+  for (const texts of [en, de]) assert.deepEqual(Object.keys(texts.boxScreen.refusedFor), refusals.map(([kindOf]) => kindOf));
+  assert.equal(findSentence(BOX_REFUSALS, findSentence(CONFLICTS, 'The box refused: no recording is running.').captured[0]).name, 'not-running');
 });
