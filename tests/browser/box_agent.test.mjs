@@ -260,6 +260,21 @@ test('the screen is in the language of the agent, also what is refused', async (
   await screen.page.unrouteAll({ behavior: 'ignoreErrors' });
 });
 
+test('a page in German says in German why the box refused', async () => {
+  await admin.page.evaluate(() => localStorage.setItem('trocar.language', 'de'));
+  await admin.open(`/boxes/${made.box.code}`);
+  await admin.page.getByLabel('Lernende/r', { exact: true }).selectOption('unnamed');
+  const why = admin.page.getByText('Die Box hat das abgelehnt. Melden Sie sich zuerst an: Diese Box nimmt nichts ohne Namen auf.');
+  await waitUntil(async () => {
+    await button(admin, 'Aufnahme an der Box starten').click({ timeout: 500 }).catch(() => {});
+    return why.waitFor({ timeout: 500 }).then(() => true, () => false); // the camera is missing while the clip begins again
+  }, 'the refusal');
+  assert.equal(await why.evaluate(shown => shown.closest('[lang]').lang), 'de');
+  assert.deepEqual(await violationsOf(admin.page), []);
+  await admin.takePictures('refused');
+  await admin.page.evaluate(() => localStorage.removeItem('trocar.language'));
+});
+
 test('a trainee checks in from the phone', async () => {
   await waitUntil(async () => (await screenState()).check_in_address, 'the address of the code');
   const { check_in_address: address } = await screenState();
