@@ -126,6 +126,7 @@ export const CONFLICTS = [
   ['exam_without_standard', 'The task “{}” has no standard, so an exam could not be judged. Set its standard on the page of the task first.'],
   ['exam_begun', 'The exam has begun or ended already. Look at it again.', 'The exam has begun or ended already: look at it again.'],
   ['exam_not_running', 'The exam is not running, so no attempt can be recorded.'],
+  ['exam_result_changed', 'The result of the exam has changed meanwhile: look at the attempts and the result again, then close it.'],
   ['exam_box_records', 'The box records the attempt that was started before; its first frames have not arrived yet. End that recording first.'],
   ['exam_needs_self_test', 'The box needs a self-test first. Run it on the page of the box, then go on with the exam.'],
   ['attempt_being_recorded', 'An attempt is being recorded: end that recording first.', 'The attempt is being recorded: end the recording first.'],

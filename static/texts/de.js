@@ -4103,6 +4103,7 @@ export default {
       exam_without_standard: task => `Die Aufgabe „${task}“ hat keinen Standard, deshalb ließe sich eine Prüfung nicht beurteilen. Legen Sie ihn zuerst auf der Seite der Aufgabe fest.`,
       exam_begun: () => 'Die Prüfung hat schon begonnen oder ist beendet. Sehen Sie sie sich noch einmal an.',
       exam_not_running: () => 'Die Prüfung läuft nicht, deshalb lässt sich kein Versuch aufnehmen.',
+      exam_result_changed: () => 'Das Ergebnis der Prüfung hat sich inzwischen geändert. Sehen Sie sich die Versuche und das Ergebnis noch einmal an, und schließen Sie die Prüfung dann ab.',
       exam_box_records: () => 'Die Box nimmt den Versuch auf, der vorher gestartet wurde; seine ersten Bilder sind noch nicht da. Beenden Sie zuerst diese Aufnahme.',
       exam_needs_self_test: () => 'Die Box braucht zuerst einen Selbsttest. Machen Sie ihn auf der Seite der Box, und fahren Sie dann mit der Prüfung fort.',
       attempt_being_recorded: () => 'Ein Versuch wird gerade aufgenommen: Beenden Sie zuerst diese Aufnahme.',
