@@ -74,7 +74,7 @@ function Content({ content }) {
     <h2>${words.limits}</h2>
     <ul lang=${content.language}>${standard.limits.map(limit => html`<li key=${limit}>${limit}</li>`)}</ul>
     <h2>${exam ? t.exams.attempts : t.certificate.sessions}</h2>
-    <div class="scroll"><table><thead><tr><th scope="col">${t.report.number}</th><th scope="col">${t.certificate.date}</th><th scope="col">${t.certificate.supervised}</th></tr></thead>
+    <div class="scroll"><table><thead><tr><th scope="col">${exam ? t.exams.attemptNumber : t.report.number}</th><th scope="col">${t.certificate.date}</th><th scope="col">${t.certificate.supervised}</th></tr></thead>
       <tbody>${sessions.map(session => html`<tr key=${session.number}><th scope="row">${session.number}</th>
         <td>${calendarDay(session.recorded_on)}${!session.day_known && html` <span class="claim">${t.certificate.claimed}</span>`}</td><td>${supervision(session)}</td></tr>`)}</tbody></table></div>`;
 }

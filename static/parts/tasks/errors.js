@@ -85,7 +85,7 @@ const Formulas = ({ formulas: [newest, ...earlier], items }) => html`
 const Formula = ({ formula, items }) => {
   const nameOf = key => items.find(item => item.item === key)?.name ?? key;
   const parts = [number(formula.cut_off_s), words.times[formula.time], ...formula.weights.map(({ item, weight }) => `${number(weight)} × ${nameOf(item)}`)];
-  return html`<p><strong>${parts.join(' − ')}</strong></p><p class="small muted">${scaleText(formula)}. ${formula.note ?? ''}</p>`;
+  return html`<p><strong>${parts.join(' − ')}</strong></p><p class="small muted">${scaleText(formula)}. ${items.length > 0 && formula.weights.length === 0 && `${words.noErrorCounts} `}${formula.note ?? ''}</p>`;
 };
 
 const Earlier = ({ versions, title, show }) => versions.length > 0 && html`
@@ -102,7 +102,7 @@ function ErrorAgreement({ task, version }) {
   const isEmpty = data.items.every(item => !item.single && !item.same);
   return html`
     <h3>${words.agreement}</h3>
-    ${isEmpty ? html`<p class="muted">${words.tooFew(data.sessions)}</p>` : html`
+    ${isEmpty ? html`<p class="muted">${words.tooFew(Math.max(0, ...data.items.map(item => item.people)), data.sessions)}</p>` : html`
       <div class="scroll" tabindex="0" role="region" aria-label=${words.agreement}>
         <table class="table dense">
           <thead><tr><th scope="col">${words.item}</th><th scope="col" class="number">${words.icc}</th><th scope="col" class="number">${words.same}</th>
