@@ -28,6 +28,9 @@ before(async () => {
 
 after(() => browser?.close());
 
+/** The cells of a line of a CSV table, without line breaks in them. */
+const cellsOf = line => [...line.matchAll(/(?:^|[,;])(?:"((?:[^"]|"")*)"|([^,;]*))/g)].map(([, quoted, plain]) => quoted?.replaceAll('""', '"') ?? plain);
+
 /** Imports a path of a tool. */
 async function importSession(frames = 250) {
   const [trainee, box] = [await named('trainees', process.env.TROCAR_TRAINEE), await named('boxes', process.env.TROCAR_BOX)];
@@ -118,10 +121,12 @@ test('progress shows the score, a session without a sheet as a gap, and both in 
   await button('Save as table (CSV)').click();
   const chunks = [];
   for await (const chunk of await (await saved).createReadStream()) chunks.push(chunk);
-  const [heading, rated, gap] = Buffer.concat(chunks).toString().trim().split(/\r?\n/);
-  assert.match(heading, /Error score.*Error score: version of the formula.*why there is none/);
-  assert.match(rated, /[;,]1[;,]?/);
-  assert.match(gap, /Not rated: no error sheet is finished/);
+  const [headings, rated, gap] = Buffer.concat(chunks).toString().trim().split(/\r?\n/).map(cellsOf);
+  const [ofScore, ofVersion] = ['Error score', 'Error score: version of the formula'].map(name => headings.indexOf(name));
+  assert.ok(ofScore > 0 && ofVersion > 0, headings.join(' | '));
+  assert.deepEqual([rated[ofVersion], gap[ofVersion], gap[ofScore]], ['1', '1', '']);
+  assert.equal(Number(rated[ofScore].replace(',', '.')).toFixed(1), score.value.toFixed(1));
+  assert.match(gap.at(-1), /^Not rated: no error sheet is finished/);
   assert.deepEqual(await violationsOf(page), []);
   assert.deepEqual(pageFaults(), { foreign: [], errors: [] });
 });
