@@ -82,7 +82,12 @@ impl TraineeAudience {
     pub fn includes(&self, scope: &Scope) -> bool {
         // Trainees see themselves, so only one that is missing or waits for erasure has no row.
         let is_named = || scope.subject().is_some_and(|subject| self.0.contains(&(scope.role(), subject)));
-        !self.0.is_empty() && (scope.is_administrator() || is_named())
+        !self.is_empty() && (scope.is_administrator() || is_named())
+    }
+
+    /// True if no person saw the trainee: it is missing, was merged, or waits for erasure.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 }
 

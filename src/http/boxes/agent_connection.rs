@@ -336,7 +336,7 @@ impl App {
     /// Staff may have ordered a wait for a trainee who is not checked in.
     async fn end_invalid_awaited_starts(&self) {
         for (of, trainee) in self.box_agents.awaited_starts() {
-            match self.why_check_in_ends(&Scope::service(), trainee).await {
+            match self.why_awaited_start_ends(trainee).await {
                 Ok(None) => {}
                 Ok(Some(why)) => {
                     tracing::info!(in_box = %of, ?why, "wait for the first movement ended");
@@ -347,6 +347,13 @@ impl App {
                 }
             }
         }
+    }
+
+    async fn why_awaited_start_ends(&self, trainee: TraineeId) -> Result<Option<CheckInEnd>, StoreError> {
+        if self.store.trainees().audience(trainee).await?.is_empty() {
+            return Ok(Some(CheckInEnd::NoRecord)); // also while its erasure can still be taken back
+        }
+        self.why_check_in_ends(&Scope::service(), trainee).await
     }
 
     async fn why_check_in_ends(&self, scope: &Scope, trainee: TraineeId) -> Result<Option<CheckInEnd>, StoreError> {

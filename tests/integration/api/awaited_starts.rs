@@ -66,7 +66,7 @@ async fn a_recording_begins_with_the_first_movement_and_shows_the_picture_at_res
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_wait_that_staff_ordered_ends_with_the_consent() {
+async fn a_wait_that_staff_ordered_ends_with_the_consent_and_with_the_record() {
     let box_1 = box_with_rod().await;
     let (admin, ada) = (&box_1.centre.administrator, &box_1.centre.trainee);
     let text = json!({"en": {"title": "Recordings", "body": "We record you."}, "required_from": "2020-01-01"});
@@ -76,13 +76,25 @@ async fn a_wait_that_staff_ordered_ends_with_the_consent() {
     };
     decide("given").await;
     let _agent = box_1.stand_by(&[]).await;
-    let ordered = json!({"trainee": "ada", "task": "peg", "on_movement": true});
-    read(box_1.start(&box_1.centre.instructor, ordered).await, StatusCode::OK).await;
-    let state = box_1.until(|state| state["awaited_start"].is_object()).await;
-    assert_eq!(state["checked_in"], Value::Null, "a check-in that ends would end the wait");
+    let order = async || {
+        let ordered = json!({"trainee": "ada", "task": "peg", "on_movement": true});
+        read(box_1.start(&box_1.centre.instructor, ordered).await, StatusCode::OK).await;
+        let state = box_1.until(|state| state["awaited_start"].is_object()).await;
+        assert_eq!(state["checked_in"], Value::Null, "a check-in that ends would end the wait");
+    };
+    let has_ended = async || {
+        let state = box_1.until(|state| state["awaited_start"].is_null()).await;
+        assert_eq!(state["recording"], Value::Null);
+    };
+    order().await;
     decide("withdrawn").await;
-    let state = box_1.until(|state| state["awaited_start"].is_null()).await;
-    assert_eq!(state["recording"], Value::Null);
+    has_ended().await;
+
+    decide("given").await;
+    order().await;
+    let erased = admin.request(Method::DELETE, "/api/v1/trainees/ada?can_be_taken_back=true").send().await.unwrap();
+    assert!(erased.status().is_success(), "{}", erased.status());
+    has_ended().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
