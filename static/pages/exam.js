@@ -138,7 +138,7 @@ function Run({ exam, onChange }) {
           ${!isRecording && left > 0 && isReady && html`
             ${exam.has_agent && html`<button class="button main" type="button" disabled=${isBusy} onClick=${() => act(() => api.exams.record(exam.id, { way: 'agent' }))}>${words.recordAtBox(next)}</button>`}
             <a class=${`button ${exam.has_agent ? '' : 'main'}`} href=${href(['record'], { exam: exam.id })}>${words.recordHere(next)}</a>`}
-          ${exam.attempts_used > 0 && html`<button class="button" type="button" disabled=${isOpen} onClick=${() => setClosing(true)}>${words.close}</button>`}
+          ${exam.attempts_used > 0 && html`<button class="button" type="button" disabled=${isOpen || !exam.result_if_closed} onClick=${() => setClosing(true)}>${words.close}</button>`}
         </p>
         ${exam.result_if_closed && html`<p>${words.ifClosed(words.results[exam.result_if_closed])}</p>`}
         ${exam.attempts_used > 0 && isOpen && !isRecording && html`<p class="small muted">${words.closeLater}</p>`}

@@ -264,7 +264,7 @@ test('a page in German says in German why the box refused', async () => {
   await admin.page.evaluate(() => localStorage.setItem('trocar.language', 'de'));
   await admin.open(`/boxes/${made.box.code}`);
   await admin.page.getByLabel('Lernende/r', { exact: true }).selectOption('unnamed');
-  const why = admin.page.getByText('Die Box hat das abgelehnt. Melden Sie sich zuerst an: Diese Box nimmt nichts ohne Namen auf.');
+  const why = admin.page.getByText('Die Box hat das abgelehnt. Sie zeigt: Melden Sie sich zuerst an: Diese Box nimmt nichts ohne Namen auf.');
   await waitUntil(async () => {
     await button(admin, 'Aufnahme an der Box starten').click({ timeout: 500 }).catch(() => {});
     return why.waitFor({ timeout: 500 }).then(() => true, () => false); // the camera is missing while the clip begins again

@@ -233,7 +233,7 @@ impl Standby {
         self.stop_recording(None).await
     }
 
-    /// Ends what a page showed, and nothing else that the box has begun since.
+    /// Ends what the server knew of when it gave the order, and nothing else that the box has begun since.
     ///
     /// # Errors
     /// It has ended already, or is ending.
